@@ -123,7 +123,7 @@ def proposed(bench: Bench, added: Runs, target: str) -> Run | None:
     if not steps:
         return None
     offer = steps[0].offer
-    return round(offer.speed / RPM / MIDDLE, 3), loads[offer.load]
+    return round(offer.point.speed / RPM / MIDDLE, 3), loads[offer.point.load]
 
 
 def planned(bench: Bench, target: str) -> Runs:

@@ -115,7 +115,7 @@ def plan_runs(fit: Path | str, target: str, tooth: bool = True, speeds_rpm: Sequ
             points.append(point_of(known, chain, item, item.id, measuring))
     teeth = (False, True) if tooth else (False,)
     steps = plan(known, goal.number, goal.wanted, points, DURATIONS, teeth)
-    alone = weighed(known, goal.number, [(p, Offer(p.speed, p.load, DURATIONS[0], t)) for t in teeth for p in points])
+    alone = weighed(known, goal.number, [Offer(point, DURATIONS[0], tooth) for tooth in teeth for point in points])
     return _document(known, goal, steps, alone)
 
 
@@ -195,6 +195,6 @@ def _document(known: KnownFit, goal: Target, steps: Sequence[Step], alone: Seque
 
 def _row(step: Step, goal: Target) -> dict[str, Any]:
     return {
-        "speed_rpm": step.offer.speed / RPM, "load_of": step.offer.load, "duration_s": step.offer.duration,
+        "speed_rpm": step.offer.point.speed / RPM, "load_of": step.offer.point.load, "duration_s": step.offer.duration,
         "second_tooth": step.offer.tooth, "minutes": step.minutes, "stderr_after": step.std / goal.per_unit,
     }  # fmt: skip

@@ -215,8 +215,7 @@ def test_pairs_of_a_campaign_share_their_events() -> None:
 def test_a_step_never_leaves_the_bounds_of_either_recording(
     common: float, moved: float, wanted: tuple[float, float]
 ) -> None:
-    pair = SimpleNamespace(names=("one",), priors=(None, np.ones(1)),
-                           row_values=lambda end: np.array([0.0 if end == "lower" else 1.0]))  # fmt: skip
+    pair = SimpleNamespace(names=("one",), priors=(None, np.ones(1)), bounds=(np.zeros(1), np.ones(1)))
     state = SimpleNamespace(before=np.array([common]), after=np.array([common + moved]), moved=np.array([moved]),
                             basis=SimpleNamespace(columns=np.ones((1, 1))))  # fmt: skip
     assert within(np.eye(2), np.array(wanted), pair, state).tolist() == [0.0, 0.0]  # type: ignore[arg-type]

@@ -29,7 +29,6 @@ from camtorque.fit.joint import (
     joint_fit_of,
     searched_anew,
     solve_joint,
-    started_at,
 )
 from camtorque.fit.joint_fit import shown_covariance
 from camtorque.fit.joint_input import HeldOnce, joint_input, refuse_two_states
@@ -52,7 +51,16 @@ from camtorque.fit.leftout import (
     typical,
 )
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
-from camtorque.fit.problem import END_NAMES, NEUTRAL, SEPARATOR, build_problem, in_structure, with_rows, with_starts
+from camtorque.fit.problem import (
+    END_NAMES,
+    NEUTRAL,
+    SEPARATOR,
+    build_problem,
+    in_structure,
+    started_at,
+    with_rows,
+    with_starts,
+)
 from camtorque.fit.shared_lift import asked_by, asked_by_all, given_to, shared_lift
 from camtorque.fit.starts import ends_at
 from camtorque.laws import ROWS

@@ -39,7 +39,7 @@ def point(speed: float, leak: float, tooth: float = 0.0, scatter: float = 0.2) -
 
 
 def test_cycles_help_until_the_error_of_the_laws_is_what_counts() -> None:
-    told = [information(point(100.0, 0.1), Offer(100.0, "a", t, False), 2)[0, 0] for t in (2.0, 20.0, 2e4, 2e6)]
+    told = [information(Offer(point(100.0, 0.1), t, False), 2)[0, 0] for t in (2.0, 20.0, 2e4, 2e6)]
     assert told[1] > 1.3 * told[0]
     assert told[3] == pytest.approx(told[2], rel=0.01)
 
@@ -47,12 +47,12 @@ def test_cycles_help_until_the_error_of_the_laws_is_what_counts() -> None:
 def test_what_the_runs_own_zero_explains_tells_nothing() -> None:
     flat = Point(100.0, "a", 40.0 * np.sin(ANGLE), np.column_stack([np.ones(BINS), np.zeros(BINS)]),
                  1e3 * np.ones((BINS, 1)), np.zeros(2), 0.2)  # fmt: skip
-    assert information(flat, Offer(100.0, "a", 60.0, False), 2)[0, 0] < 1e-5
+    assert information(Offer(flat, 60.0, False), 2)[0, 0] < 1e-5
 
 
 def test_the_speed_that_tells_of_the_number_is_chosen_and_no_run_more_than_needed() -> None:
     steps = plan(KNOWN, LEAKAGE, 0.5, [point(50.0, 0.001), point(150.0, 0.3)], (20.0, 180.0))
-    assert [step.offer.speed for step in steps] == [150.0]
+    assert [step.offer.point.speed for step in steps] == [150.0]
     assert steps[0].std < 0.5
     assert not steps[0].offer.tooth
 
@@ -66,7 +66,7 @@ def test_a_tooth_is_bought_where_the_torque_tells_nothing() -> None:
 def test_the_cheapest_run_that_suffices_is_taken_not_the_one_that_narrows_most() -> None:
     points = [point(50.0, 0.3), point(150.0, 0.9)]
     steps = plan(KNOWN, LEAKAGE, 0.5, points, (20.0, 180.0))
-    assert [(step.offer.speed, step.offer.duration) for step in steps] == [(150.0, 20.0)]
+    assert [(step.offer.point.speed, step.offer.duration) for step in steps] == [(150.0, 20.0)]
     costs = plan(KNOWN, LEAKAGE, 0.5, [point(150.0, 0.3)], (180.0, 20.0))
     assert costs[0].minutes == pytest.approx(SETUP_MINUTES + 20.0 / 60.0)
 
@@ -76,15 +76,15 @@ def test_two_cheap_runs_are_preferred_to_a_dear_one_that_would_do() -> None:
     steps = plan(KNOWN, LEAKAGE, 0.4, [cheap, dear], (20.0,))
     assert [step.offer.tooth for step in steps] == [False, False]
     assert steps[0].std > 0.4 > steps[1].std
-    alone = weighed(KNOWN, LEAKAGE, [(dear, Offer(100.0, "a", 20.0, True))])[0]
+    alone = weighed(KNOWN, LEAKAGE, [Offer(dear, 20.0, True)])[0]
     assert alone.std < 0.4
     assert sum(step.minutes for step in steps) < alone.minutes
 
 
 def test_a_run_that_a_later_one_made_needless_is_not_in_the_plan() -> None:
     weak, tooth = point(100.0, 0.008), point(100.0, 0.0, tooth=0.01)
-    before = weighed(KNOWN, LEAKAGE, [(weak, Offer(100.0, "a", 20.0, False))])
-    both = [*before, *weighed(KNOWN, LEAKAGE, [(tooth, Offer(100.0, "a", 20.0, True))], before)]
+    before = weighed(KNOWN, LEAKAGE, [Offer(weak, 20.0, False)])
+    both = [*before, *weighed(KNOWN, LEAKAGE, [Offer(tooth, 20.0, True)], before)]
     assert both[0].std > 0.5 > both[1].std
     assert [step.offer.tooth for step in needed(KNOWN, LEAKAGE, 0.5, both)] == [True]
     assert len(needed(KNOWN, LEAKAGE, both[1].std, both)) == 2, "both are needed for what both reach"
@@ -113,7 +113,7 @@ def test_a_plan_begins_with_the_uncertainty_that_the_report_states(tmp_path: Pat
 
 
 def test_a_second_tooth_is_paid_for_once() -> None:
-    offer = (point(100.0, 0.0, tooth=0.003), Offer(100.0, "a", 20.0, True))
+    offer = Offer(point(100.0, 0.0, tooth=0.003), 20.0, True)
     first = weighed(KNOWN, LEAKAGE, [offer])
     second = weighed(KNOWN, LEAKAGE, [offer], first)
     assert first[0].minutes - second[0].minutes == pytest.approx(TOOTH_MINUTES)

@@ -75,14 +75,13 @@ class Arrow(ReadOnly):
         ``pseudo`` leaves directions out that the matrix says nothing of.
         """
         shared = np.flatnonzero((self.recording < 0) & free)
-        where = np.zeros(vector.size, dtype=np.int64)
-        where[shared] = np.arange(shared.size)
         head, top = np.diag(self.diagonal[shared]), vector[shared].copy()
         backs = []
         for index in range(len(self.places)):
             place, matrix, part, back = self.reduced(index, vector, free, pseudo)
-            head[np.ix_(where[place], where[place])] += matrix
-            top[where[place]] += part
+            at = np.searchsorted(shared, place)
+            head[np.ix_(at, at)] += matrix
+            top[at] += part
             backs.append((place, back))
         x = np.zeros(vector.size)
         x[shared] = _least(head, top) if pseudo else np.linalg.solve(head, top)
@@ -168,13 +167,11 @@ def arrow_inverse(matrix: Arrow) -> ArrowCovariance:
     scale = 1.0 / np.sqrt(matrix.main_diagonal())
     recording = matrix.recording
     shared = np.flatnonzero(recording < 0)
-    where = np.zeros(recording.size, dtype=np.int64)
-    where[shared] = np.arange(shared.size)
     head = np.diag(matrix.diagonal[shared] * scale[shared] ** 2 + REGULARISED)
     found = []
     for place, block in zip(matrix.places, matrix.blocks, strict=True):
         scaled, mine = block * np.outer(scale[place], scale[place]), recording[place] >= 0
-        own, other = place[mine], where[place[~mine]]
+        own, other = place[mine], np.searchsorted(shared, place[~mine])
         inner = scaled[np.ix_(mine, mine)] + np.diag(matrix.diagonal[own] * scale[own] ** 2 + REGULARISED)
         cross, alone = scaled[np.ix_(mine, ~mine)], np.linalg.inv(inner)
         head[np.ix_(other, other)] += scaled[np.ix_(~mine, ~mine)] - cross.T @ alone @ cross

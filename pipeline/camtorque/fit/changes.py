@@ -253,7 +253,11 @@ def attribution(pair: Pair) -> tuple[Attribution, Pair]:
     factors = min((inflation(pair, state) for state in states.values()), key=lambda item: item[1])
     roots = [root * np.sqrt(f) for root, f in zip((pair.mean_root, pair.difference_root), factors, strict=True)]
     pair = replace(pair, mean_root=roots[0], difference_root=roots[1])
-    return _attributed(pair, searched(pair, states, groups), groups, factors), pair
+    found, names = searched(pair, states, groups), candidates(pair)
+    hypotheses = tuple(differences(pair, item, names) for item in found)
+    weight, mean, covariance = mixture(hypotheses, np.array([item.two_ln_evidence for item in hypotheses]))
+    free = freed(pair, found[0], names, groups)
+    return Attribution(names, hypotheses, weight, mean, covariance, *free, factors, found[0].state), pair
 
 
 def near_minimum(pair: Pair, here: PairState, basis: Basis) -> PairState:
@@ -292,14 +296,6 @@ def nested(pair: Pair, states: Mapping[tuple[str, ...], PairState]) -> dict[tupl
             state = minimised(pair, along(pair, base, state.basis), ITERATIONS)
         found.setdefault(chosen, state)
     return found
-
-
-def _attributed(pair: Pair, sets: Sequence[Fitted], groups: Sequence[str], factors: tuple[float, float]) -> Attribution:
-    names = candidates(pair)
-    hypotheses = [differences(pair, item, names) for item in sets]
-    weight, mean, covariance = mixture(hypotheses, np.array([item.two_ln_evidence for item in hypotheses]))
-    free_mean, free_std = freed(pair, sets[0], names, groups)
-    return Attribution(names, tuple(hypotheses), weight, mean, covariance, free_mean, free_std, factors, sets[0].state)
 
 
 def freed(pair: Pair, best: Fitted, names: Sequence[str], groups: Sequence[str]) -> tuple[Array, Array]:

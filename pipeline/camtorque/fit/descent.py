@@ -19,8 +19,6 @@ RELATIVE_GAIN, LEAST_GAIN = 1.0e-4, 0.01
 LEAST_DAMPING, LARGEST_DAMPING = 1.0e-8, 1.0e9
 LOOKED_BACK, AHEAD = 4, 12
 """Iterations whose mean gain a descent is expected to keep, and for how many more."""
-
-
 WITHIN = 1.0
 """Chi-square above a minimum, and squared standard deviations from it, within which a descent has come back to it."""
 

@@ -62,8 +62,7 @@ class PairState:
 
 def evaluated(pair: Pair, before: Array, basis: Basis, moved: Array) -> PairState:
     """Return both recordings at values of the first, (k,) [SI], and a way of the second along a basis, (m,)."""
-    lower, upper = pair.row_values("lower"), pair.row_values("upper")
-    after = np.clip(before + basis.columns @ moved, lower, upper)
+    after = np.clip(before + basis.columns @ moved, *pair.bounds)
     residuals, jacobians, outputs = [], [], []
     for item, z in zip(pair.items, (before, after), strict=True):
         values = pair.values(z)
@@ -192,8 +191,7 @@ def minimised(pair: Pair, state: PairState, iterations: int, common: bool = True
         gained = 0.0
         while damping < 1e6:
             step = within(matrix + np.diag(damping * np.diag(matrix)), vector, pair, state)
-            lower, upper = pair.row_values("lower"), pair.row_values("upper")
-            before = np.clip(state.before + step[:k] * stds, lower, upper)
+            before = np.clip(state.before + step[:k] * stds, *pair.bounds)
             trial = evaluated(pair, before, state.basis, state.moved + step[k:])
             new = objective(pair, trial)
             if new < value:
@@ -209,7 +207,7 @@ def minimised(pair: Pair, state: PairState, iterations: int, common: bool = True
 def within(matrix: Array, vector: Array, pair: Pair, state: PairState) -> Array:
     """Return the step that leaves those parameters at a bound that it would push beyond it."""
     k = len(pair.names)
-    lower, upper = pair.row_values("lower"), pair.row_values("upper")
+    lower, upper = pair.bounds
     stds, columns = pair.priors[1], state.basis.columns
     held = np.zeros(vector.size, dtype=bool)
     step = np.zeros(vector.size)

@@ -134,24 +134,11 @@ def contradiction_findings(contradicted: float) -> tuple[Finding, ...]:
     )  # fmt: skip
 
 
-def joint_unexplained_findings(names: Sequence[str]) -> tuple[Finding, ...]:
-    """Return a warning on each recording that the joint fit does not explain."""
-    return tuple(
-        Finding(
-            "joint_unexplained", "warning",
-            f"the joint fit leaves more of {name} than its cycles repeat: predictions take nothing from it", name,
-        )
-        for name in names
-    )  # fmt: skip
-
-
-def exclusion_findings(excluded: Sequence[str]) -> tuple[Finding, ...]:
-    """Return a warning on each recording that the joint fit is made without."""
-    return tuple(
-        Finding(
-            "recording_excluded", "warning",
-            f"{name} does not fit the others ({EXCLUSION_FACTOR:.0f} times their misfit); excluded from the joint fit",
-            name,
-        )
-        for name in excluded
-    )  # fmt: skip
+def aside_findings(excluded: Sequence[str], unexplained: Sequence[str]) -> tuple[Finding, ...]:
+    """Return a warning on each recording that the joint fit is made without, and on each that it does not explain."""
+    out = f"does not fit the others ({EXCLUSION_FACTOR:.0f} times their misfit); excluded from the joint fit"
+    left = "the joint fit leaves more of {} than its cycles repeat: predictions take nothing from it"
+    return (
+        *(Finding("recording_excluded", "warning", f"{name} {out}", name) for name in excluded),
+        *(Finding("joint_unexplained", "warning", left.format(name), name) for name in unexplained),
+    )

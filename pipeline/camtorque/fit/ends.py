@@ -88,7 +88,9 @@ def load_for(
     slope = flank.per_angle(source.structure, end.value)
     place = Estimate(flank.place(source.structure, end.value), end.stderr * slope)
     if not alike:
-        return Load({END_OF[source.structure]: place, **_usual_widths(source.structure)}, curve.std)
+        priors = {name: ROWS[name].prior for name in WIDTHS_OF[source.structure]}
+        usual = {name: Estimate(*prior) for name, prior in priors.items() if prior is not None}
+        return Load({END_OF[source.structure]: place, **usual}, curve.std)
     return _with_widths(known, source, teachers, trade_off, place, [item.id for item in near], curve.std)
 
 
@@ -124,11 +126,6 @@ def _with_widths(
     moved = combined([*about, (pull, means.get(first, {own[first]: 1.0}))])
     begins = Estimate(place.value + trade_off.shift(sharp), place.stderr)
     return Load({end: begins, **ends}, pressure_std, {end: moved, **means}, {end: (first, pull)})
-
-
-def _usual_widths(structure: str) -> dict[str, Estimate]:
-    """Return how sharply delivery ends before anything is known of it [SI]."""
-    return {name: Estimate(*prior) for name in WIDTHS_OF[structure] if (prior := ROWS[name].prior) is not None}
 
 
 def student(freedom: int) -> float:

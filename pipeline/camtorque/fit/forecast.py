@@ -9,7 +9,7 @@ growing beyond the fitted speeds as they grew. The twist needs the torque itself
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
 
@@ -102,7 +102,7 @@ class Forecast(ReadOnly):
     both: tuple[Forecast, ...] = ()
     other: OtherEnding | None = None
     steps: bool = False
-    assumed: tuple[str, ...] = field(default=())
+    assumed: tuple[str, ...] = ()
 
     @property
     def least_contact(self) -> float:
@@ -132,8 +132,8 @@ def forecast(
     load : what is known of the load beside the line pressure of the chain
     changes : parameter -> factor, such as a leakage after wear
     """
-    spread = _spread(known, chain, source, load, changes)
-    center, std = spread.center, spread.std
+    center, scatters, stepping = _spread(known, chain, source, load, changes)
+    std = {name: np.min([item.std[name] for item in scatters], axis=0) for name in center}
     share, beyond = law_share(known, chain.speed)
     torque = center["torque"]
     law = law_std(torque, share)
@@ -141,7 +141,7 @@ def forecast(
         std["cause lift_table"] = np.abs(center["contact"]) * known.lift.slope_stderr(center["angle"])
         law = np.hypot(law, std["cause lift_table"])
     total = np.hypot(std["torque"], law)
-    shape = np.min([shape_of(item.torque, total) for item in spread.scatters], axis=0)
+    shape = np.min([shape_of(item.torque, total) for item in scatters], axis=0)
     causes = [name for name in center if name.startswith("cause ")]
     return Forecast(
         speed=chain.speed, theta=chain.theta, torque=torque, torque_std=total,
@@ -151,26 +151,16 @@ def forecast(
         contact_std=std["contact"], plunger_force=center["plunger_force"], true_angle=center["angle"],
         flow=center["flow"], delivered=float(center["delivered"]),
         delivered_std=float(std["delivered"]), law_share=share, beyond=beyond,
-        ending=source.structure, steps=spread.steps,
+        ending=source.structure, steps=stepping,
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Spread:
-    """Curves of a run with their scatter; whether the model steps within it."""
+def _spread(
+    known: KnownFit, chain: ChainInput, source: FittedAt, load: Load, changes: Mapping[str, float]
+) -> tuple[Mapping[str, Array], tuple[Scatter, ...], bool]:
+    """Return the curves of a run, scatters by what the fit leaves open, whether the model steps within that.
 
-    center: Mapping[str, Array]
-    scatters: tuple[Scatter, ...]
-    steps: bool
-
-    @property
-    def std(self) -> dict[str, Array]:
-        """Standard deviations of all curves, the smallest of the scatters."""
-        return {name: np.min([item.std[name] for item in self.scatters], axis=0) for name in self.center}
-
-
-def _spread(known: KnownFit, chain: ChainInput, source: FittedAt, load: Load, changes: Mapping[str, float]) -> Spread:
-    """Return the curves of a run and how far what the fit leaves open moves them; parameters as in `forecast`.
+    Of the scatters the smallest counts; parameters as in `forecast`.
 
     Where the model steps within that, the best values may lie on the rare side of the step: the curves are then those
     of the drawn run nearest to the median torque, and the scatter is that of whole standard deviations about it.
@@ -191,8 +181,8 @@ def _spread(known: KnownFit, chain: ChainInput, source: FittedAt, load: Load, ch
 
     center, (small, whole) = about(values_of(mean, source, changes), FRACTIONS)
     if not steps(small.torque[:DRAWS], whole.torque[:DRAWS]):
-        return Spread(center, (small, whole), False)
-    return Spread(*about(drawn(1.0)[middle(whole.torque[:DRAWS])], (1.0,)), True)
+        return center, (small, whole), False
+    return *about(drawn(1.0)[middle(whole.torque[:DRAWS])], (1.0,)), True
 
 
 @dataclass(frozen=True)

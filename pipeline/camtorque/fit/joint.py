@@ -19,31 +19,28 @@ from camtorque.fit.common_rows import common_error, with_common_rows
 from camtorque.fit.drift import (
     EXCLUSION_FACTOR,
     Drift,
+    aside_findings,
     contradiction,
     contradiction_findings,
     drift_findings,
     drift_spread,
-    exclusion_findings,
-    joint_unexplained_findings,
     shared_drifts,
 )
 from camtorque.fit.findings import prior_findings
 from camtorque.fit.firm_end import END_OF
 from camtorque.fit.joint_fit import (
-    JointCovariance,
     JointFit,
     JointRecording,
     joint_covariance,
     joint_recording,
     shown_covariance,
-    values_of_each,
 )
-from camtorque.fit.joint_input import JointInput, Known, refuse_two_states
+from camtorque.fit.joint_input import Alone, JointInput, Known, refuse_two_states
 from camtorque.fit.joint_solver import JointSolution, solve_many
 from camtorque.fit.leftout import HeldOut, Predicted, left_out, poor_findings, predicted, settling_findings
 from camtorque.fit.minima import attempted
 from camtorque.fit.prepare import INDEPENDENT
-from camtorque.fit.problem import FitData, Problem, build_problem, in_structure, with_starts
+from camtorque.fit.problem import FitData, Problem, build_problem, in_structure, started_at, with_starts
 from camtorque.fit.result import parameter_estimates
 from camtorque.fit.search import SCAN_KEPT, SCAN_SHARES
 from camtorque.fit.shared_lift import SharedLift, shared_lift
@@ -106,15 +103,15 @@ def anchors(inputs: Sequence[Known]) -> list[int]:
 
 def shared_starts(found: Sequence[Known]) -> list[dict[str, float]]:
     """Return the anchors' shared values, the mean weighted by their information first."""
-    top: dict[str, float] = {}
-    bottom: dict[str, float] = {}
+    rows: dict[str, list[Alone]] = {}
     for item in found:
         for name, row in item.alone.items():
-            weight = 1.0 / row.std**2
-            top[name] = top.get(name, 0.0) + weight * row.value
-            bottom[name] = bottom.get(name, 0.0) + weight
-    each = [{name: row.value for name, row in item.alone.items()} for item in found]
-    return [{name: top[name] / bottom[name] for name in top}, *each]
+            rows.setdefault(name, []).append(row)
+    mean = {
+        name: sum(1.0 / row.std**2 * row.value for row in each) / sum(1.0 / row.std**2 for row in each)
+        for name, each in rows.items()
+    }
+    return [mean, *({name: row.value for name, row in item.alone.items()} for item in found)]
 
 
 def solve_joint(inputs: Sequence[Known], each: Each = in_turn) -> tuple[Problem, JointSolution]:
@@ -201,11 +198,6 @@ def with_known(item: FitData, values: Mapping[str, float]) -> FitData:
     return with_starts(item, {name: value for name, value in values.items() if name in item.rows})
 
 
-def started_at(problem: Problem, z: Array) -> list[FitData]:
-    """Return the recordings, started at a solution."""
-    return [with_starts(*pair) for pair in zip(problem.data, values_of_each(problem, z), strict=True)]
-
-
 def own_fitted(item: FitData, held: Mapping[str, float]) -> tuple[float, FitData]:
     """Return chi-square and recording where some iterations in the parameters that are not held lead."""
     problem = build_problem([item], held)
@@ -288,10 +280,9 @@ def _fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], each: 
             for item, one in zip(used, fitted, strict=True)
             for found in prior_findings(one.parameters)
         ),
-        *contradiction_findings(contradicted_by(fit.covariance, used)),
+        *contradiction_findings(contradiction(fit.covariance.inflation, [item.inflation for item in used])),
         *drift_findings(drifts),
-        *exclusion_findings(excluded),
-        *joint_unexplained_findings([item.name for item, one in zip(used, fitted, strict=True) if not one.explained]),
+        *aside_findings(excluded, [item.name for item, one in zip(used, fitted, strict=True) if not one.explained]),
         *poor_findings([row for one in without for row in one.held]),
         *settling_findings([item.name for item, one in zip(used, without, strict=True) if not one.settled]),
     )
@@ -317,15 +308,11 @@ def joint_fit_of(
 ) -> JointFit:
     """Return a joint minimum with its covariance and the uncertainties that do not average out."""
     covariance = joint_covariance(problem, solution)
-    spread = drift_spread(problem, solution.z, drifts, contradicted_by(covariance, inputs))
+    contradicted = contradiction(covariance.inflation, [item.inflation for item in inputs])
+    spread = drift_spread(problem, solution.z, drifts, contradicted)
     shifts = {
         "drift of what should be the same": spread[None],
         # one sensor, one delay: the angle at the mean speed
         SWITCHING: switching_shift(problem, float(np.mean([item.switching_std for item in inputs])))[None],
     }
     return JointFit(problem, solution, covariance, shifts)
-
-
-def contradicted_by(covariance: JointCovariance, inputs: Sequence[Known]) -> float:
-    """Return how far the recordings of a joint fit contradict one another, see `drift.contradiction`."""
-    return contradiction(covariance.inflation, [item.inflation for item in inputs])

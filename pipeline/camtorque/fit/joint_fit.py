@@ -11,7 +11,7 @@ import numpy as np
 from camtorque.fit.arrow import Arrow, ArrowCovariance, arrow_inverse
 from camtorque.fit.joint_input import JointInput
 from camtorque.fit.joint_solver import JointSolution
-from camtorque.fit.metrics import metrics
+from camtorque.fit.metrics import metrics_of_fit
 from camtorque.fit.modelled import modelled
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import Problem
@@ -79,18 +79,17 @@ class JointRecording:
 
 def joint_covariance(problem: Problem, solution: JointSolution) -> JointCovariance:
     """Return the covariance at a joint minimum, as `uncertainty.covariance` does for one recording."""
-    before = prior_std(problem)
-    blocks, count = solution.hessian.blocks, len(problem.data)
-
-    def inverse(inflation: float) -> ArrowCovariance:
-        information = tuple(block / inflation for block in blocks)
-        return arrow_inverse(replace(solution.hessian, blocks=information, diagonal=1.0 / before**2))
-
-    taken = _overlap(inverse(1.0), solution.hessian) + solution.lift_share
+    before, count = prior_std(problem), len(problem.data)
+    taken = _overlap(_inverse(solution, before, 1.0), solution.hessian) + solution.lift_share
     freedom = max(INDEPENDENT * count - taken, LEAST_FREEDOM * count)
     inflation = max(1.0, solution.data_chi_square / freedom)
-    found = inverse(inflation)
-    return JointCovariance(found, before, inflation, freedom)
+    return JointCovariance(_inverse(solution, before, inflation), before, inflation, freedom)
+
+
+def _inverse(solution: JointSolution, before: Array, inflation: float) -> ArrowCovariance:
+    """Return the covariance for a variance of the residual ``inflation`` times that of its weights."""
+    information = tuple(block / inflation for block in solution.hessian.blocks)
+    return arrow_inverse(replace(solution.hessian, blocks=information, diagonal=1.0 / before**2))
 
 
 def shown_covariance(solution: JointSolution, covariance: JointCovariance) -> ArrowCovariance | None:
@@ -101,10 +100,7 @@ def shown_covariance(solution: JointSolution, covariance: JointCovariance) -> Ar
     recordings and must not be counted twice.
     """
     shown = solution.data_chi_square / covariance.freedom
-    if shown >= 1.0:
-        return None
-    information = tuple(block / shown for block in solution.hessian.blocks)
-    return arrow_inverse(replace(solution.hessian, blocks=information, diagonal=1.0 / covariance.prior_std**2))
+    return None if shown >= 1.0 else _inverse(solution, covariance.prior_std, shown)
 
 
 def _overlap(covariance: ArrowCovariance, information: Arrow) -> float:
@@ -118,17 +114,6 @@ def _overlap(covariance: ArrowCovariance, information: Arrow) -> float:
     return total
 
 
-def values_of_each(problem: Problem, z: Array) -> list[dict[str, float]]:
-    """Return the values of each recording's parameters, shared ones and its own [SI]."""
-    pairs = list(zip(problem.parameters, z.tolist(), strict=True))
-    shared = {parameter.row.name: value for parameter, value in pairs if parameter.recording < 0}
-    found = [dict(shared) for _ in problem.data]
-    for parameter, value in pairs:
-        if parameter.recording >= 0:
-            found[parameter.recording][parameter.row.name] = value
-    return found
-
-
 def joint_recording(fit: JointFit, index: int, item: JointInput) -> JointRecording:
     """Return what the joint fit makes of one recording."""
     means, problem, solution = item.means, fit.problem, fit.solution
@@ -136,14 +121,8 @@ def joint_recording(fit: JointFit, index: int, item: JointInput) -> JointRecordi
     def torque(measured: Array, pressure: Array) -> Array:
         return modelled(problem, solution.z, index, solution.lift[index], item.measured, (measured, pressure)).torque
 
-    def scored(measured: Array, model: Array) -> Metrics:
-        return metrics(measured, model, item.rigid_torque, item.lift, item.lift_velocity)
-
     fitted, held = torque(means.torque, means.pressure), torque(means.held_torque, means.held_pressure)
-    found = {
-        "rigid": scored(means.torque_all, item.rigid_torque), "fitted": scored(means.torque, fitted),
-        "fitted_held_out_cycles": scored(means.held_torque, held),
-    }  # fmt: skip
+    found = metrics_of_fit(means, fitted, held, item.rigid_torque, item.lift, item.lift_velocity)
     explained = is_explained(means.torque - fitted, means.odd_even, float(np.max(means.torque_all)))
     own = tuple(row for row in parameter_estimates(fit.recording(index)) if row.role == "own")
     return JointRecording(own, problem.data[index].structure, found, explained)

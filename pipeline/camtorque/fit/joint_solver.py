@@ -72,10 +72,6 @@ class Task:
     problem: Problem
     kept: tuple[KeptModes, ...]
     smooth: Smooth
-    steps: Array
-    means: Array
-    stds: Array
-    bounds: tuple[Array, Array]
     recording: Places
     each: Each
 
@@ -114,7 +110,7 @@ def joint_task(problem: Problem, z: Array, smoothing: float, each: Each = in_tur
 
     lifts = tuple(each(modes, range(len(problem.data))))
     recording = np.array([parameter.recording for parameter in problem.parameters], dtype=np.int64)
-    return Task(problem, lifts, smoother(smoothing), problem.steps, *problem.priors, problem.bounds, recording, each)
+    return Task(problem, lifts, smoother(smoothing), recording, each)
 
 
 def _tried(task: Task, fixed: Array, index: int) -> tuple[Places, Array, Array]:
@@ -125,16 +121,16 @@ def _tried(task: Task, fixed: Array, index: int) -> tuple[Places, Array, Array]:
     problem = task.problem
     output = output_at(problem, fixed, index)
     own, columns, target = linear_part(problem, fixed, index, output)
-    both = task.smooth(np.column_stack([columns * task.steps[own], target]))
+    both = task.smooth(np.column_stack([columns * problem.steps[own], target]))
     return own - problem.n_nonlinear, task.whitened(index, both), output.path
 
 
 def try_at(task: Task, z: Array) -> Trial:
     """Return chi-square at z with the best linear parameters within their bounds."""
-    first = task.problem.n_nonlinear
-    scale = task.steps[first:]
-    inverse = (scale / task.stds[first:]) ** 2
-    pulled = inverse * task.means[first:] / scale
+    first, bounds, (means, stds) = task.problem.n_nonlinear, task.problem.bounds, task.problem.priors
+    scale = task.problem.steps[first:]
+    inverse = (scale / stds[first:]) ** 2
+    pulled = inverse * means[first:] / scale
     fixed = np.r_[z[:first], np.zeros(scale.size)]
     found = task.each(lambda index: _tried(task, fixed, index), range(len(task.problem.data)))
     plain = np.zeros(scale.size)
@@ -144,12 +140,12 @@ def try_at(task: Task, z: Array) -> Trial:
         tuple(place for place, _, _ in found), tuple(product[:-1, :-1] for _, product, _ in found), inverse + 1e-9,
         task.recording[first:],
     )  # fmt: skip
-    lower, upper = task.bounds[0][first:] / scale, task.bounds[1][first:] / scale
-    c = bounded_quadratic(matrix, plain + pulled, lower, upper, np.clip(z, *task.bounds)[first:] / scale)
+    lower, upper = (bound[first:] / scale for bound in bounds)
+    c = bounded_quadratic(matrix, plain + pulled, lower, upper, np.clip(z, *bounds)[first:] / scale)
     full = np.r_[z[:first], c * scale]
     square = sum(float(product[-1, -1]) for _, product, _ in found)
     chi = square - 2.0 * float(plain @ c) + float(c @ replace(matrix, diagonal=np.zeros(c.size)).times(c))
-    prior, shelf = float(np.sum(((full - task.means) / task.stds) ** 2)), Shelf(HELD_PATHS)
+    prior, shelf = float(np.sum(((full - means) / stds) ** 2)), Shelf(HELD_PATHS)
     return Trial(full, chi + prior, chi, tuple(shelf.put(path) for _, _, path in found))
 
 
@@ -205,8 +201,9 @@ def linearised(task: Task, trial: Trial) -> Linearised:
     blocks, parts, residuals = (tuple(column) for column in zip(*found, strict=True))
     if not all(np.max(np.abs(block)) < LARGEST_INFORMATION for block in blocks):
         raise FloatingPointError("the derivative of the chain is not finite")
-    inverse = (task.steps / task.stds) ** 2
-    vector = -inverse * (trial.z - task.means) / task.steps
+    steps, (means, stds) = task.problem.steps, task.problem.priors
+    inverse = (steps / stds) ** 2
+    vector = -inverse * (trial.z - means) / steps
     places = tuple(own for own, _ in task.problem.places)
     for place, part in zip(places, parts, strict=True):
         vector[place] += part
@@ -237,7 +234,7 @@ def solve_many(
 
 def _solution(task: Task, trial: Trial, point: Linearised, cost: tuple[int, int, bool]) -> JointSolution:
     """Return the solution in SI units."""
-    steps, places = task.steps, point.matrix.places
+    steps, places = task.problem.steps, point.matrix.places
     blocks = tuple(block / np.outer(steps[p], steps[p]) for p, block in zip(places, point.matrix.blocks, strict=True))
     misfits, lifts, share = [], [], 0.0
     for index, residual in enumerate(point.residuals):
@@ -255,26 +252,26 @@ def _solution(task: Task, trial: Trial, point: Linearised, cost: tuple[int, int,
 
 def _promise(task: Task, point: Linearised, z: Array) -> float:
     """Return how much chi-square the undamped step in the free parameters promises."""
-    free = free_at(z, point.vector, *task.bounds)
+    free = free_at(z, point.vector, *task.problem.bounds)
     return float(point.vector[free] @ point.matrix.solve(free, point.vector, pseudo=True)[free])
 
 
 def _step(task: Task, point: Linearised, z: Array, damping: float) -> tuple[Array, float]:
     """Return a damped step within bounds [SI] and how much chi-square it promises."""
-    lower, upper = task.bounds
+    steps, (lower, upper) = task.problem.steps, task.problem.bounds
     more = np.full(z.size, 1e-9)
     first = task.problem.n_nonlinear
     more[:first] += damping * np.maximum(point.matrix.main_diagonal()[:first], 1e-3)
     damped = replace(point.matrix, diagonal=point.matrix.diagonal + more)
-    free = free_at(z, point.vector, *task.bounds)
+    free = free_at(z, point.vector, lower, upper)
     step = np.zeros(z.size)
     for _ in range(8):
         held = np.where(free, 0.0, step)
         step = held + damped.solve(free, point.vector - point.matrix.times(held))
-        over = ((z + step * task.steps < lower) | (z + step * task.steps > upper)) & free
+        over = ((z + step * steps < lower) | (z + step * steps > upper)) & free
         if not over.any():
             break
-        step = np.clip(step, (lower - z) / task.steps, (upper - z) / task.steps)
+        step = np.clip(step, (lower - z) / steps, (upper - z) / steps)
         free &= ~over
     promise = float(2.0 * point.vector @ step - step @ point.matrix.times(step))
-    return step * task.steps, promise
+    return step * steps, promise

@@ -22,13 +22,13 @@ from camtorque.fit.endings import endings_of
 from camtorque.fit.ends import load_for
 from camtorque.fit.firm_end import END_OF, WIDTHS_OF
 from camtorque.fit.forecast import values_of
-from camtorque.fit.joint_fit import JointFit, shown_covariance, values_of_each
+from camtorque.fit.joint_fit import JointFit, shown_covariance
 from camtorque.fit.joint_input import JointInput
 from camtorque.fit.joint_solver import JointSolution, joint_task, solve_many, try_at
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.metrics import metrics
 from camtorque.fit.modelled import modelled
-from camtorque.fit.problem import NEUTRAL, FitData, Problem, build_problem, with_starts
+from camtorque.fit.problem import NEUTRAL, FitData, Problem, build_problem, started_at, with_starts
 from camtorque.fit.quadratic import bounded_quadratic
 from camtorque.fit.shared_lift import Asked, asked_by, asked_by_all, given_to
 from camtorque.fit.solver import solve
@@ -89,18 +89,15 @@ def shares(problem: Problem, solution: JointSolution) -> Shares:
     """Return what each recording adds to the equations of the shared parameters, its own ones eliminated."""
     hessian, gradient = solution.hessian, solution.gradient
     places = np.flatnonzero(hessian.recording < 0)
-    where = np.zeros(gradient.size, dtype=np.int64)
-    where[places] = np.arange(places.size)
     moving = _moving(problem, solution)
     matrix, vector, parts = np.diag(hessian.diagonal[places]), gradient[places].copy(), []
     for index, (place, part) in enumerate(zip(hessian.places, solution.parts, strict=True)):
         found, own_matrix, own_vector, _ = hessian.reduced(index, gradient, moving, pseudo=True)
-        full, right = np.zeros_like(matrix), np.zeros_like(vector)
-        full[np.ix_(where[found], where[found])] = own_matrix
-        right[where[found]] = own_vector
+        full, right, at = np.zeros_like(matrix), np.zeros_like(vector), np.searchsorted(places, found)
+        full[np.ix_(at, at)] = own_matrix
+        right[at] = own_vector
         matrix, vector = matrix + full, vector + right
-        right = right.copy()
-        right[where[found]] += part[hessian.recording[place] < 0]
+        right[at] += part[hessian.recording[place] < 0]
         parts.append((full, right))
     return Shares(places, matrix, vector, tuple(parts))
 
@@ -165,8 +162,7 @@ def _followed(fit: JointFit, z: Array, index: int) -> Array:
 
 def _without(problem: Problem, z: Array, index: int) -> Problem:
     """Return the problem of all recordings but one, started at values of the joint problem."""
-    pairs = zip(problem.data, values_of_each(problem, z), strict=True)
-    return build_problem([with_starts(*pair) for k, pair in enumerate(pairs) if k != index])
+    return build_problem([item for k, item in enumerate(started_at(problem, z)) if k != index])
 
 
 def _key(problem: Problem, k: int) -> tuple[str, str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from camtorque.fit.prepare import MeanCycles
 from camtorque.records import Array, Metrics, RigidTorque
 
 STROKE = (0.05, 0.95)
@@ -28,6 +29,20 @@ def parts_of_gap(rigid: RigidTorque, measured: Array) -> tuple[NDArray[np.bool_]
     """Return both of `loaded_part`, and where the measured torque (n_theta,) is least on the return stroke."""
     forward, fall = loaded_part(rigid.torque, rigid.lift, rigid.lift_velocity)
     return forward, fall, int(np.flatnonzero(fall)[np.argmin(measured[fall])])
+
+
+def metrics_of_fit(
+    means: MeanCycles, fitted: Array, held: Array, rigid: Array, lift: Array, velocity: Array
+) -> dict[str, Metrics]:
+    """Return the metrics of the rigid model, of the fitted one and of that on the cycles that were held out.
+
+    ``fitted`` and ``held`` (n_theta,) are the model for both halves of the cycles [N m]; else as in `metrics`.
+    """
+    pairs = {
+        "rigid": (means.torque_all, rigid), "fitted": (means.torque, fitted),
+        "fitted_held_out_cycles": (means.held_torque, held),
+    }  # fmt: skip
+    return {name: metrics(*pair, rigid, lift, velocity) for name, pair in pairs.items()}
 
 
 def metrics(measured: Array, model: Array, rigid: Array, lift: Array, velocity: Array) -> Metrics:

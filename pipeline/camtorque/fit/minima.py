@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from camtorque.fit.descent import Basin, Effort
-from camtorque.fit.problem import FitData, Problem, build_problem, in_structure, with_starts
+from camtorque.fit.problem import FitData, Problem, build_problem, in_structure, started_at
 from camtorque.fit.solver import LiftModes, Solution, solve, try_at
 from camtorque.fit.starts import Start, refined
 from camtorque.laws.causes import cam_torques, filtered_out_torque
@@ -127,8 +127,7 @@ def at_minimum(item: FitData, effort: Effort = POLISH, lift: LiftModes | None = 
     """
     problem = build_problem([item])
     solution = solve(problem, None, effort, lift)
-    starts = {parameter.row.name: float(z) for parameter, z in zip(problem.parameters, solution.z, strict=True)}
-    item = with_starts(item, starts)
+    item = started_at(problem, solution.z)[0]
     return Candidate(item, build_problem([item]), solution)
 
 

@@ -89,34 +89,30 @@ class Pair(ReadOnly):
     @property
     def start_error(self) -> float:
         """Standard error of the starts of both recordings' files of one channel against each other [s]."""
-        return START_ERROR * float(np.sqrt(sum(separate_starts(cycles) for cycles in self.cycles)))
+        apart = [any(clock.method == COMMON_TIME_BASE for clock in cycles.clocks) for cycles in self.cycles]
+        return START_ERROR * float(np.sqrt(sum(apart)))
 
     @property
     def clock_error(self) -> float:
         """Standard error of both recordings' clocks against each other [s]."""
         return float(np.linalg.norm([max((c.stderr_s for c in cycles.clocks), default=0.0) for cycles in self.cycles]))
 
-    def row_values(self, field: str) -> Array:
-        """Return one field of the rows of the free parameters."""
-        return np.array([getattr(self.items[0].rows[name], field) for name in self.names])
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds of the free parameters [SI]."""
+        rows = [self.items[0].rows[name] for name in self.names]
+        return np.array([row.lower for row in rows]), np.array([row.upper for row in rows])
 
     @property
     def priors(self) -> tuple[Array, Array]:
         """Means and standard deviations of the free parameters; as wide as the bounds where nothing is known."""
-        lower, upper = self.row_values("lower"), self.row_values("upper")
-        rows = [self.items[0].rows[name].prior for name in self.names]
-        means = [row[0] if row else 0.5 * (a + b) for row, a, b in zip(rows, lower, upper, strict=True)]
-        stds = [row[1] if row else b - a for row, a, b in zip(rows, lower, upper, strict=True)]
-        return np.array(means), np.array(stds)
+        rows = [self.items[0].rows[name] for name in self.names]
+        pairs = [row.prior or (0.5 * (row.lower + row.upper), row.upper - row.lower) for row in rows]
+        return np.array([pair[0] for pair in pairs]), np.array([pair[1] for pair in pairs])
 
     def values(self, free: Array) -> dict[str, float]:
         """Return every parameter of the chain at values of the free ones, (k,) [SI]."""
         return {**self.fixed, **dict(zip(self.names, free.tolist(), strict=True))}
-
-
-def separate_starts(cycles: CamCycles) -> bool:
-    """Return whether torque, pressure and trigger lie in files of one time base that start each at its own time."""
-    return any(clock.method == COMMON_TIME_BASE for clock in cycles.clocks)
 
 
 def best_pair(before: Prepared, after: Prepared) -> Pair:

@@ -40,16 +40,6 @@ LEAST_GAIN = 0.02
 
 
 @dataclass(frozen=True)
-class Offer:
-    """A run that could be made: speed [rad/s], load by the name of a recording, duration [s], a second tooth or not."""
-
-    speed: float
-    load: str
-    duration: float
-    tooth: bool
-
-
-@dataclass(frozen=True)
 class Point(ReadOnly):
     """One speed and load evaluated: columns by the fit's shared parameters, by the run's own ones, twist at a tooth."""
 
@@ -60,6 +50,15 @@ class Point(ReadOnly):
     own: Array
     tooth: Array
     scatter: float
+
+
+@dataclass(frozen=True)
+class Offer:
+    """A run that could be made: speed and load, duration [s], a second tooth or not."""
+
+    point: Point
+    duration: float
+    tooth: bool
 
 
 @dataclass(frozen=True)
@@ -81,7 +80,6 @@ class TargetQuantity(ReadOnly):
 class Step:
     """A run with what it costs and the standard uncertainty expected after it and those before it."""
 
-    point: Point
     offer: Offer
     minutes: float
     std: float
@@ -114,10 +112,7 @@ def point_of(known: KnownFit, chain: ChainInput, source: FittedAt, load: str, me
     chain : pump, cam, speed, line pressure
     source : recording whose own parameters stand in
     """
-    places = known.own(source.id)
-    values = values_of({name: float(known.values[k]) for name, k in places.items()}, source)
-    chain = settled(chain, values)
-    output = evaluated(chain, values)
+    places, chain, output, linear = evaluated(known, chain, source)
     by = derivative_by(output, list(places))
     shared = np.zeros((BINS, len(known.names)))
     tooth = np.zeros(len(known.names))
@@ -128,18 +123,24 @@ def point_of(known: KnownFit, chain: ChainInput, source: FittedAt, load: str, me
             continue
         shared[:, k] = by[:, at]
         tooth[k] = turned.get(name, 0.0)
-    torque = output.torque + output.linear @ coefficients_of(values)
+    torque = output.torque + output.linear @ linear
     return Point(chain.speed, load, torque, shared, np.column_stack(own), tooth, measuring.scatter)
 
 
-def evaluated(chain: ChainInput, values: Mapping[str, float]) -> ChainOutput:
-    """Return the chain with its derivatives."""
-    return evaluate(chain, values, coefficients_of(values), tangents=True)
+def evaluated(
+    known: KnownFit, chain: ChainInput, source: FittedAt
+) -> tuple[dict[str, int], ChainInput, ChainOutput, Array]:
+    """Return the places of the parameters in the fit, the settled chain, it with its derivatives, its coefficients."""
+    places = known.own(source.id)
+    values = values_of({name: float(known.values[k]) for name, k in places.items()}, source)
+    chain, linear = settled(chain, values), coefficients_of(values)
+    return places, chain, evaluate(chain, values, linear, tangents=True), linear
 
 
-def information(point: Point, offer: Offer, runs: int) -> Array:
+def information(offer: Offer, runs: int) -> Array:
     """Return what a run tells of the fit's parameters, (k, k) [1/SI^2], when it is one of so many."""
-    cycles = max(0.5 * offer.duration * offer.speed / (2.0 * np.pi), 4.0)  # the other half is held out
+    point = offer.point
+    cycles = max(0.5 * offer.duration * point.speed / (2.0 * np.pi), 4.0)  # the other half is held out
     weight = bin_weights(point.torque, point.scatter / np.sqrt(cycles), runs)
     shared, own = point.shared * weight[:, None], point.own * weight[:, None]
     cross = shared.T @ own
@@ -167,7 +168,7 @@ def plan(
     std = target.std(known.matrix)
     wanted *= AS_GOOD
     while std > wanted and len(chosen) < MOST_RUNS:
-        offers = [(p, Offer(p.speed, p.load, d, tooth)) for p in points for d in durations for tooth in teeth]
+        offers = [Offer(point, d, tooth) for point in points for d in durations for tooth in teeth]
         worth = weighed(known, target, offers, chosen)
         tried = [row for row in worth if row.std <= (1.0 - LEAST_GAIN) ** (row.minutes / SETUP_MINUTES) * std]
         if not tried:
@@ -185,21 +186,19 @@ def plan(
     return tuple(min(trimmed, key=lambda rows: sum(row.minutes for row in rows)))
 
 
-def weighed(
-    known: KnownFit, target: TargetQuantity, offers: Sequence[tuple[Point, Offer]], made: Sequence[Step] = ()
-) -> list[Step]:
+def weighed(known: KnownFit, target: TargetQuantity, offers: Sequence[Offer], made: Sequence[Step] = ()) -> list[Step]:
     """Return every run on offer as the next one after those made; a second tooth that is there costs nothing more."""
     runs = len(known.recordings) + len(made) + 1
     before = inverse(known.matrix)
     for number, row in enumerate(made, len(known.recordings) + 1):
-        before = before + information(row.point, row.offer, number)
+        before = before + information(row.offer, number)
     fitted = any(row.offer.tooth for row in made)
     found = []
-    for point, offer in offers:
-        after = inverse(before + information(point, offer, runs))
+    for offer in offers:
+        after = inverse(before + information(offer, runs))
         tooth = TOOTH_MINUTES if offer.tooth and not fitted else 0.0
         minutes = SETUP_MINUTES + offer.duration / 60.0 + tooth
-        found.append(Step(point, offer, minutes, target.std(after)))
+        found.append(Step(offer, minutes, target.std(after)))
     return found
 
 
@@ -210,7 +209,7 @@ def needed(known: KnownFit, target: TargetQuantity, wanted: float, chosen: Seque
         rest: list[Step] = []
         for item in kept:
             if item.offer is not row.offer:
-                rest += weighed(known, target, [(item.point, item.offer)], rest)
+                rest += weighed(known, target, [item.offer], rest)
         if rest and rest[-1].std <= wanted:
             kept = rest
     return kept
@@ -218,9 +217,7 @@ def needed(known: KnownFit, target: TargetQuantity, wanted: float, chosen: Seque
 
 def chamber_peak(known: KnownFit, chain: ChainInput, source: FittedAt) -> tuple[float, Array]:
     """Return the highest chamber pressure at a point [Pa] and its gradient by the fit's parameters, (k,)."""
-    places = known.own(source.id)
-    values = values_of({name: float(known.values[k]) for name, k in places.items()}, source)
-    output = evaluated(settled(chain, values), values)
+    places, _, output, _ = evaluated(known, chain, source)
     top = int(np.argmax(output.pressure))
     gradient = np.zeros(len(known.names))
     assert output.pressure_tangents is not None

@@ -176,11 +176,6 @@ class Problem:
         return next((k for k, parameter in enumerate(self.parameters) if parameter.name == name), -1)
 
 
-def own_name(parameter: str, recording: str) -> str:
-    """Return the name of a recording's own parameter in a joint fit."""
-    return f"{parameter}{SEPARATOR}{recording}"
-
-
 def build_problem(data: Sequence[FitData], held: Mapping[str, float] | None = None) -> Problem:
     """Return the problem of all parameters that act in the recordings' structures.
 
@@ -202,7 +197,7 @@ def build_problem(data: Sequence[FitData], held: Mapping[str, float] | None = No
             parameters.append(FreeParameter(data[users[0]].rows[name], -1, name))
             continue
         for index in users:
-            label = own_name(name, data[index].name) if len(data) > 1 else name
+            label = f"{name}{SEPARATOR}{data[index].name}" if len(data) > 1 else name
             parameters.append(FreeParameter(data[index].rows[name], index, label))
     n_nonlinear = sum(parameter.row.name in NONLINEAR_NAMES for parameter in parameters)
     return Problem(tuple(data), tuple(parameters), n_nonlinear, fixed)
@@ -231,3 +226,14 @@ def with_starts(data: FitData, starts: Mapping[str, float]) -> FitData:
         for name, value in starts.items()
     }
     return with_rows(data, changes)
+
+
+def started_at(problem: Problem, z: Array) -> list[FitData]:
+    """Return the recordings of a problem, started at values of the free parameters (k,) [SI]."""
+    pairs = list(zip(problem.parameters, z.tolist(), strict=True))
+    shared = {parameter.row.name: value for parameter, value in pairs if parameter.recording < 0}
+    starts = [dict(shared) for _ in problem.data]
+    for parameter, value in pairs:
+        if parameter.recording >= 0:
+            starts[parameter.recording][parameter.row.name] = value
+    return [with_starts(*pair) for pair in zip(problem.data, starts, strict=True)]

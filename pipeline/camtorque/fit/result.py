@@ -15,7 +15,7 @@ from camtorque.fit.findings import (
     prior_findings,
     table_findings,
 )
-from camtorque.fit.metrics import STROKE, metrics
+from camtorque.fit.metrics import STROKE, metrics_of_fit
 from camtorque.fit.modelled import Modelled, model_on_grid, resampled
 from camtorque.fit.next_run import next_measurement
 from camtorque.fit.prepare import MeanCycles
@@ -55,7 +55,6 @@ from camtorque.records import (
     CamCycles,
     Estimate,
     FittedTorque,
-    Metrics,
     ParameterEstimate,
     Recording,
     RigidTorque,
@@ -109,7 +108,8 @@ def fitted_torque(
         chamber_return_start=return_start(fitted, stds), true_angle=motion.theta, forces=forces,
         contact_lost=bool(np.any(lost)), losses=_losses(fit, fitted, means),
         losses_stderr=sure.work, gap_stderr=sure.gap,
-        metrics=_metrics(means, fitted.torque, held.torque, rigid), trigger_angle=trigger,
+        metrics=metrics_of_fit(means, fitted.torque, held.torque, rigid.torque, rigid.lift, rigid.lift_velocity),
+        trigger_angle=trigger,
         torque_delay=_moved(cycles.torque_delay.value, known["delay_error"], 1e-6),
         angle_errors_after=_angle_budget(known, fitted, cycles, trigger), odd_even_rms=means.odd_even,
         next_measurement=next_measurement(fit),
@@ -174,15 +174,6 @@ def _details(fit: Fit, recording: Recording, peak: float) -> dict[str, object]:
         "budget": uncertainty_budget(problem, fit.covariance, fit.deviation, spreads),
         "block_cv_percent": blocks.tolist(), "absolute_uncertainty_percent": absolute,
     }  # fmt: skip
-
-
-def _metrics(means: MeanCycles, fitted: Array, held: Array, rigid: RigidTorque) -> dict[str, Metrics]:
-    lift, velocity = rigid.lift, rigid.lift_velocity
-    return {
-        "rigid": metrics(means.torque_all, rigid.torque, rigid.torque, lift, velocity),
-        "fitted": metrics(means.torque, fitted, rigid.torque, lift, velocity),
-        "fitted_held_out_cycles": metrics(means.held_torque, held, rigid.torque, lift, velocity),
-    }
 
 
 def _losses(fit: Fit, fitted: Modelled, means: MeanCycles) -> dict[str, float]:

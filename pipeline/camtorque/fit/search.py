@@ -89,10 +89,11 @@ class SearchData:
         """The half that is fitted on the grid of the search."""
         return on_search_grid(self.twisted)
 
-    def doubt(self, minimum: Candidate | None) -> float:
-        """Return the doubt that a minimum leaves, of one that the report would call unexplained all but the largest."""
-        if minimum is None:
+    def doubt(self, found: Found) -> float:
+        """Return the doubt that the best minimum leaves; one that a report would call unexplained leaves a large one."""
+        if found.best is None:
             return np.inf
+        _, minimum = found.best
         fitted, other = self.halves.fitted, self.halves.other
         odd_even = float(np.sqrt(np.mean((fitted.torque - other.torque) ** 2)))
         explained = explains(fitted, minimum.solution, odd_even)
@@ -127,11 +128,6 @@ class Found:
     def value(self) -> float:
         """Chi-square of the best minimum."""
         return self.best[1].value if self.best else np.inf
-
-    @property
-    def minimum(self) -> Candidate | None:
-        """The best minimum with a chamber, without its start."""
-        return self.best[1] if self.best else None
 
 
 def rescanned(start: Start, structure: str) -> list[FitData]:
@@ -174,7 +170,7 @@ def hops(found: Found, seen: SearchData, most: Hops) -> Iterator[tuple[str, Foun
     from the same minimum, one for each process: one of fourteen finds anything.
     """
     for hop in range(0, max(count for _, count in most), 2):
-        doubt = seen.doubt(found.minimum)
+        doubt = seen.doubt(found)
         if found.best is None or not any(doubt > above and hop < count for above, count in most):
             break
         items: Items = {}
@@ -270,7 +266,7 @@ def stages(halves: Halves, structures: tuple[str, ...], most: Hops = HOPS) -> It
     yield "first starts", found
     pending = dict(MOVES)
     for move_number in range(MOST_MOVES):
-        before, doubt = found.value, seen.doubt(found.minimum)
+        before, doubt = found.value, seen.doubt(found)
         name = next((name for name, move in pending.items() if doubt > move.above), None)
         if name is None or not found.best or (move_number and doubt <= UNSURE):
             break

@@ -16,7 +16,7 @@ from itertools import islice
 import numpy as np
 
 from camtorque.fit.prepare import INDEPENDENT, on_grid
-from camtorque.fit.problem import FitData, Problem, build_problem, in_structure, with_starts
+from camtorque.fit.problem import FitData, Problem, build_problem, in_structure, started_at, with_starts
 from camtorque.fit.solver import LiftModes, Trial, approach, lift_at, no_lift, output_at, smoother, try_at
 from camtorque.laws.chain import evaluate, with_substeps
 from camtorque.laws.chamber import integrate
@@ -120,18 +120,13 @@ def refined(data: FitData, values: Mapping[str, float]) -> FitData:
     return replace(data, chain=replace(data.chain, substeps=with_substeps(data.chain, output, values)))
 
 
-def grid_for(smoothing_deg: float) -> int:
-    """Return the grid that a smoothing needs."""
-    return SEARCH_GRID if smoothing_deg > 5.0 else 2 * SEARCH_GRID
-
-
 def continued(data: FitData, smoothing_deg: float, core: bool, iterations: int = ITERATIONS) -> Start | None:
     """Return a start after some iterations on the smoothed residual."""
     full = build_problem([data])
     free = full.parameters[: full.n_nonlinear]
     held = {parameter.row.name: parameter.row.start for parameter in free
             if parameter.row.name in SET or (core and parameter.row.name not in CORE)}  # fmt: skip
-    data = refined(coarse(data, grid_for(smoothing_deg)), full.values(full.start, 0)[0])
+    data = refined(coarse(data, SEARCH_GRID if smoothing_deg > 5.0 else 2 * SEARCH_GRID), full.values(full.start, 0)[0])
     problem = build_problem([data], held)
     first = output_at(problem, problem.start)
     lift = no_lift() if smoothing_deg > 2.0 else lift_at(problem, problem.start, SEARCH_LIFT_CUT, first)
@@ -144,8 +139,7 @@ def continued(data: FitData, smoothing_deg: float, core: bool, iterations: int =
             trial = try_at(problem, near.z, lift, smooth, near.output)
     except (FloatingPointError, np.linalg.LinAlgError):
         return None  # a start so far off that its tangents overflow
-    starts = {parameter.row.name: float(z) for parameter, z in zip(problem.parameters, trial.z, strict=True)}
-    return Start(with_starts(data, starts), lift, trial.chi_square)
+    return Start(started_at(problem, trial.z)[0], lift, trial.chi_square)
 
 
 def reweighted(problem: Problem, trial: Trial) -> Problem:

@@ -17,7 +17,7 @@ from camtorque.fit.pair import Pair
 from camtorque.fit.uncertainty import COVERAGE
 from camtorque.fit.work import work_at
 from camtorque.laws import GROUPS
-from camtorque.laws.chain import NONLINEAR_NAMES, coefficients_of
+from camtorque.laws.chain import coefficients_of
 from camtorque.records import Array
 
 SEEN = 4.3
@@ -108,9 +108,9 @@ def parameter_differences(pair: Pair, found: Attribution) -> tuple[Difference, .
 def pooled(rows: Sequence[Difference]) -> Difference:
     """Return one difference of several pairs, weighted by what each knows."""
     weight = np.array([1.0 / max(row.stderr, 1e-30) ** 2 for row in rows])
+    std = float(1.0 / np.sqrt(np.sum(weight)))
     weight /= np.sum(weight)
     mean = [float(weight @ [getattr(row, key) for row in rows]) for key in ("before", "difference")]
-    std = float(1.0 / np.sqrt(np.sum([1.0 / max(row.stderr, 1e-30) ** 2 for row in rows])))
     smallest = float(1.0 / np.sqrt(np.sum([1.0 / max(row.smallest_change, 1e-30) ** 2 for row in rows])))
     told = any(row.verdict == "changed" for row in rows)
     kind = verdict(told, (mean[1], smallest / SEEN), rows[0].matters)
@@ -126,15 +126,14 @@ def _alone(found: Attribution, name: str) -> bool:
 
 def works(pair: Pair, values: Array, side: int) -> dict[str, float]:
     """Return the work of each loss of one recording at values of the free parameters, (k,) [J per revolution]."""
-    full = {**pair.fixed, **dict(zip(pair.names, values.tolist(), strict=True))}
-    nonlinear = {name: full[name] for name in NONLINEAR_NAMES}
-    return work_at(pair.items[side].chain, nonlinear, coefficients_of(full))
+    full = pair.values(values)
+    return work_at(pair.items[side].chain, full, coefficients_of(full))
 
 
 def loss_differences(pair: Pair, found: Attribution) -> tuple[Difference, ...]:
     """Return the losses with the differences that their parameters' differences make."""
     base, after = works(pair, found.state.before, 0), works(pair, found.state.after, 1)
-    slopes = _slopes(pair, found)
+    slopes = _slopes(pair, found, after)
     total = sum(base.values())
     result = []
     for name, members in LOSSES.items():
@@ -153,9 +152,8 @@ def loss_differences(pair: Pair, found: Attribution) -> tuple[Difference, ...]:
     return tuple(result)
 
 
-def _slopes(pair: Pair, found: Attribution) -> Mapping[str, Array]:
-    """Return the derivative of each loss by the differences, (m,) [J per SI]."""
-    reference = works(pair, found.state.after, 1)
+def _slopes(pair: Pair, found: Attribution, after: Mapping[str, float]) -> Mapping[str, Array]:
+    """Return the derivative of each loss by the differences, (m,) [J per SI]; ``after``: losses of the second."""
     slopes = {name: np.zeros(len(found.names)) for name in LOSSES}
     for j, parameter in enumerate(found.names):
         k = pair.names.index(parameter)
@@ -164,5 +162,5 @@ def _slopes(pair: Pair, found: Attribution) -> Mapping[str, Array]:
         moved[k] += step
         shifted = works(pair, moved, 1)
         for name in LOSSES:
-            slopes[name][j] = (shifted[name] - reference[name]) / step
+            slopes[name][j] = (shifted[name] - after[name]) / step
     return slopes

@@ -97,16 +97,15 @@ def filtered_out_torque(data: ChainInput, values: Mapping[str, float], torques: 
 def work_per_revolution(
     data: ChainInput, values: Mapping[str, float], output: ChainOutput, torques: Mapping[str, Array]
 ) -> dict[str, float]:
-    """Return the work of each group over the true cam angle [J per revolution]."""
+    """Return the work of each group over the true cam angle [J per revolution].
+
+    That of the driveline is what the torque does on all that turns the cam against the uniform angle, -T dpsi.
+    """
     advance = _turning(data, output)
     work = {name: float(2.0 * np.pi * np.mean(torque * advance)) for name, torque in torques.items()}
     groups = {group: sum(work[name] for name in names) for group, names in LOSS_GROUPS.items()}
-    return {**groups, "driveline": _driveline_loss(data, output) + drive_work(data, values)}
-
-
-def _driveline_loss(data: ChainInput, output: ChainOutput) -> float:
-    """Return what the torque does on all that turns the cam against the uniform angle, -T dpsi [J per revolution]."""
-    return -2.0 * np.pi * float(np.mean(data.shaft_torque * (_turning(data, output) - 1.0)))
+    driveline = -2.0 * np.pi * float(np.mean(data.shaft_torque * (advance - 1.0)))
+    return {**groups, "driveline": driveline + drive_work(data, values)}
 
 
 def _turning(data: ChainInput, output: ChainOutput) -> Array:

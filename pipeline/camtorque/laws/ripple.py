@@ -27,14 +27,12 @@ NAMES = tuple(row.name for row in ROWS)
 
 
 def waves(order: int, theta: Array) -> Array:
-    """Return the columns of R_c and R_s at angles (n,) [rad], (n, 2); zero where no order was seen."""
-    if not order:
-        return np.zeros((theta.size, len(NAMES)))
+    """Return the columns of R_c and R_s at angles (n,) [rad], (n, 2)."""
     return np.column_stack([np.cos(order * theta), np.sin(order * theta)])
 
 
 def binned_waves(order: int, bins: int, n: int) -> Array:
-    """Return the means of `waves` over bins of a grid of n angles from 0, (bins, 2)."""
+    """Return the means of `waves` over bins of a grid of n angles from 0, (bins, 2); zero where no order was seen."""
     half, point = np.pi / bins, np.pi / n
     centres = np.asarray(2.0 * half * np.arange(bins) + half - point, dtype=np.float64)
     share = np.sin(order * half) / (n / bins * np.sin(order * point)) if order else 0.0

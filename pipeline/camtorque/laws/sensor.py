@@ -78,9 +78,7 @@ def low_pass(
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Return what `sensor_transfer` does for a low-pass of any order."""
     if order < STEEP:
-        found: tuple[NDArray[np.complex128], NDArray[np.complex128]]
-        found = sensor_transfer(omega, cutoff_hz, damping, delay_error)
-        return found
+        return sensor_transfer(omega, cutoff_hz, damping, delay_error)  # type: ignore[no-any-return]
     first, line, corner = poles_of(min(order, STEEPEST))
     apart = damping - BUTTERWORTH
     scale, slope = np.polyval(corner, apart), np.polyval(np.polyder(corner), apart)
