@@ -126,7 +126,7 @@ def test_a_bridge_that_feels_bending():
     value, std = found["trigger_offset"]
     assert abs(value - rig(*case).truth.trigger.angle_offset) < 2.0 * std
     without = at_minimum(with_rows(prepared.candidates[0].data, {
-        name: {"start": 0.0, "prior": (0.0, 1e-9 * ROWS[name].step)} for name in bridge.NAMES}))  # fmt: skip
+        name: {"start": 0.0, "prior": (0.0, 1e-9 * ROWS[name].step)} for name in bridge.LAW.linear}))  # fmt: skip
     assert without.solution.data_chi_square > fit.solution.data_chi_square + 50.0
 
 

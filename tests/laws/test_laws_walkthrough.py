@@ -34,7 +34,7 @@ def columns(at):
     return (on_shaft(at.rate * at.rate * dip, at.rate * at.rate * at.slope, 2.0 * at.rate * dip),)
 
 
-LAW = Law(ROWS, ("shaft_churning",), columns, loss="churning")
+LAW = Law(ROWS, columns, loss="churning")
 '''
 """The one file, `laws/churning.py`, as the page shows it."""
 EDITS = [

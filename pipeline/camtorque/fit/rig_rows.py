@@ -196,7 +196,7 @@ def _set_warm(rows: dict[str, ParameterRow], fluid: FluidSpec, temperature: floa
     """Take what name and temperature of the fuel tell: its modulus, and how thin it is in the plunger's gap."""
     modulus = modulus_prior(fluid.name, temperature)
     if modulus is not None:
-        _set_prior(rows, "bulk_modulus", modulus.mean, modulus.std, modulus.source)
+        _set_prior(rows, "bulk_modulus", *modulus)
     if temperature is None:
         return
     ratio = viscosity_ratio(temperature)

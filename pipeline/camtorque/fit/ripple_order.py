@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from camtorque.laws.ripple import waves
 from camtorque.mechanism.load_check import on_base
 from camtorque.records import Array
 from camtorque.units import DEGREE
@@ -53,6 +54,6 @@ def base_circle(lift: Array) -> Array:
 
 def _wave(order: int, angle: Array, torque: Array) -> tuple[complex, Array]:
     """Return amplitude and course of an order in a torque (n,) at some angles."""
-    columns = np.column_stack([np.cos(order * angle), np.sin(order * angle)])
+    columns = waves(order, angle)
     size = np.linalg.lstsq(columns, torque, rcond=None)[0]
     return complex(*size), columns @ size

@@ -37,5 +37,4 @@ def columns(at):  # type: ignore[no-untyped-def]
     )  # fmt: skip
 
 
-NAMES = tuple(row.name for row in ROWS)
-LAW = Law(ROWS, NAMES, columns, dict.fromkeys(NAMES, "bridge_bending"), on_bridge=True)
+LAW = Law(ROWS, columns, {row.name: "bridge_bending" for row in ROWS}, on_bridge=True)

@@ -20,4 +20,4 @@ def columns(at):  # type: ignore[no-untyped-def]
     return on_shaft(at.rate, 0.0, 1.0), on_plunger(at.slope * at.rate, at.curve * at.rate, at.slope, 0.0)
 
 
-LAW = Law(ROWS, ("shaft_viscous", "plunger_viscous"), columns, loss="damping")
+LAW = Law(ROWS, columns, loss="damping")

@@ -124,12 +124,9 @@ def twist_basis(shaft_torque: Array, speed: float, trigger_angle: float, seen: i
     return TwistBasis(spectrum, omega, shaft_torque.size, phase)
 
 
-HALF_NAMES = ("half_inertia", "half_place", "half_damping")
-COUPLING_NAMES = ("coupling_compliance", "coupling_resonance", "coupling_damping", *HALF_NAMES)
-COMPLIANCE_NAMES = (
-    "shaft_compliance", "shaft_damping_ratio", "shaft_resonance", "drive_admittance", "drive_bandwidth", "drive_reset",
-    "drive_lag", *COUPLING_NAMES,
-)  # fmt: skip
+COUPLING_NAMES = tuple(row.name for row in COUPLING_ROWS)
+HALF_NAMES = COUPLING_NAMES[3:]
+COMPLIANCE_NAMES = (*(row.name for row in ROWS[1:]), *COUPLING_NAMES)
 """Parameters of C(s), in the order of its derivatives: the first three and the last three are those of the shaft."""
 
 

@@ -39,8 +39,8 @@ def columns(at):  # type: ignore[no-untyped-def]
 
 LAW = Law(
     ROWS,
-    linear=("bearing_arm", "pin_arm", "shaft_drag"),
-    columns=columns,
-    causes={"bearing_arm": "bearing_friction", "pin_arm": "pin_friction"},
+    columns,
+    {"bearing_arm": "bearing_friction", "pin_arm": "pin_friction"},
     loss="friction",
+    nonlinear=("guide_friction",),
 )

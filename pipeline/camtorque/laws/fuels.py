@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -40,15 +39,6 @@ VISCOSITIES = ((313.15, 2.6), (373.15, 1.1))
 """Temperature [K] and kinematic viscosity [mm^2/s]."""
 
 
-@dataclass(frozen=True)
-class ModulusPrior:
-    """Bulk modulus at feed pressure and its standard uncertainty [Pa], and what it is drawn from."""
-
-    mean: float
-    std: float
-    source: str
-
-
 def fuel_temperature(fluid: FluidSpec, cycles: CamCycles) -> float | None:
     """Return the temperature of the fuel as measured, else as stated, None where unknown [K]."""
     if "fuel_temperature" in cycles.channels:
@@ -58,8 +48,10 @@ def fuel_temperature(fluid: FluidSpec, cycles: CamCycles) -> float | None:
     return fluid.temperature
 
 
-def modulus_prior(name: str, temperature: float | None) -> ModulusPrior | None:
-    """Return what is known of the bulk modulus beforehand; None where neither fuel nor temperature is known.
+def modulus_prior(name: str, temperature: float | None) -> tuple[float, float, str] | None:
+    """Return mean and spread of the bulk modulus beforehand [Pa], and what they are drawn from.
+
+    None where neither fuel nor temperature is known; the modulus is that at feed pressure.
 
     Parameters
     ----------
@@ -76,7 +68,7 @@ def modulus_prior(name: str, temperature: float | None) -> ModulusPrior | None:
     text = f"{name if known else 'fuels and test oils'} at {warm - ZERO_CELSIUS:.0f} degC"
     if temperature is None:
         text += f" +- {UNKNOWN_WARMTH:g} K, none is stated"
-    return ModulusPrior(softer * mean, std, text)
+    return softer * mean, std, text
 
 
 def viscosity_ratio(temperature: float) -> float:

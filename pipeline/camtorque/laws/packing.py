@@ -24,6 +24,4 @@ def columns(at):  # type: ignore[no-untyped-def]
     )
 
 
-LAW = Law(
-    ROWS, ("packing_force", "packing_friction"), columns, {"packing_force": "packing_friction"}, loss="friction"
-)  # fmt: skip
+LAW = Law(ROWS, columns, {"packing_force": "packing_friction"}, loss="friction")

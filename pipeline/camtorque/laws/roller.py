@@ -27,4 +27,4 @@ def columns(at):  # type: ignore[no-untyped-def]
     return (on_shaft(at.spin * at.turn, by_angle, 2.0 * at.spin * at.spin_by * at.rate, at.spin * at.spin),)
 
 
-LAW = Law(ROWS, ("roller_inertia",), columns, {"roller_inertia": "inertia"})
+LAW = Law(ROWS, columns, {"roller_inertia": "inertia"})

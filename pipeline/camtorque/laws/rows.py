@@ -73,16 +73,21 @@ class Law:
     Attributes
     ----------
     rows : its parameters
-    linear : those that the torque before the sensor is linear in
     columns : compiled function from `camtorque.laws.columns.At` to a tuple of `Column`, one for each of ``linear``
     causes : parameter -> cause of torque, where that is not called as the parameter
     loss : group of the energy balance that its causes belong to
     on_bridge : its columns are what the transducer's bridge feels beside the torque; they load no shaft and do no work
+    nonlinear : parameters without a column
     """
 
     rows: tuple[ParameterRow, ...]
-    linear: tuple[str, ...] = ()
     columns: Callable[..., Any] | None = None
     causes: Mapping[str, str] = field(default_factory=dict)
     loss: str = ""
     on_bridge: bool = False
+    nonlinear: tuple[str, ...] = ()
+
+    @property
+    def linear(self) -> tuple[str, ...]:
+        """Parameters that the torque before the sensor is linear in."""
+        return tuple(row.name for row in self.rows if self.columns and row.name not in self.nonlinear)
