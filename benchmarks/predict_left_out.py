@@ -38,7 +38,7 @@ from camtorque.fit.joint_input import joint_input
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.load_file import curve_through
 from camtorque.fit.prepare import on_grid
-from camtorque.fit.shared_lift import shared_lift
+from camtorque.fit.shared_lift import given_to
 from camtorque.fit.single import Prepared, prepare
 from camtorque.ingest import read_recording
 from camtorque.ingest.pump_file import read_pressure_curve
@@ -73,7 +73,7 @@ def known_fit(used: Sequence[Prepared]) -> KnownFit:
         for item, data in zip(used, problem.data, strict=True)
     ]
     cov = fit.covariance
-    lift = shared_lift(problem, solution.z, cov.inflation)
+    lift = given_to(problem, others.lift)
     return KnownFit(problem.names, solution.z, cov.arrow, tuple(recordings), shown_covariance(solution, cov), lift)
 
 

@@ -15,10 +15,16 @@ from camtorque.config.schemas import RECORDING_FILE
 from camtorque.fit.changes import Attribution, attribution
 from camtorque.fit.pair import SAME_SPEED, Pair, best_pair
 from camtorque.fit.prepare import MeanCycles, mean_cycles
-from camtorque.fit.several_pairs import common_attributions
 from camtorque.fit.single import Prepared, prepare
 from camtorque.fit.valley import NO_VALLEY
-from camtorque.fit.verdicts import Difference, loss_differences, parameter_differences, pooled, whole_verdict
+from camtorque.fit.verdicts import (
+    Difference,
+    common_attributions,
+    loss_differences,
+    parameter_differences,
+    pooled,
+    whole_verdict,
+)
 from camtorque.ingest import read_recording, summarise
 from camtorque.ingest.stated import DIMENSIONS, differences, stated
 from camtorque.jsonable import now

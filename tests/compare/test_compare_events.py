@@ -27,8 +27,7 @@ from camtorque.fit.changes import (
 )
 from camtorque.fit.difference import along, evaluated, minimised, objective, turn_of_tooth, within
 from camtorque.fit.pair import COMMON_TIME_BASE, Pair, _slope, best_pair, shift_covariance
-from camtorque.fit.several_pairs import common_attributions
-from camtorque.fit.verdicts import parameter_differences
+from camtorque.fit.verdicts import common_attributions, parameter_differences
 from camtorque.laws.chain import BINS, ChainInput, ChainOutput, evaluate
 from camtorque.process.second_process import Second, second_process
 from camtorque.units import DEGREE, angle_grid

@@ -13,7 +13,6 @@ import pytest
 from camtorque.fit import joint as joint_room
 from camtorque.fit import leftout as leftout_room
 from camtorque.fit.arrow import Arrow, ArrowCovariance, arrow_inverse
-from camtorque.fit.common_rows import common_error, with_common_rows
 from camtorque.fit.drift import (
     Drift,
     contradiction,
@@ -31,7 +30,7 @@ from camtorque.fit.joint import (
     solve_joint,
 )
 from camtorque.fit.joint_fit import shown_covariance
-from camtorque.fit.joint_input import HeldOnce, joint_input, refuse_two_states
+from camtorque.fit.joint_input import HeldOnce, common_error, joint_input, refuse_two_states, with_common_rows
 from camtorque.fit.joint_solver import joint_task, solve_many, try_at
 from camtorque.fit.known_fit import KnownFit
 from camtorque.fit.leftout import (
@@ -61,7 +60,7 @@ from camtorque.fit.problem import (
     with_rows,
     with_starts,
 )
-from camtorque.fit.shared_lift import asked_by, asked_by_all, given_to, shared_lift
+from camtorque.fit.shared_lift import asked_by, asked_by_all, given_to
 from camtorque.fit.starts import ends_at
 from camtorque.laws import ROWS
 from camtorque.laws.chain import BINS, COLUMN_NAMES, binned, evaluate, filtered, transfer
@@ -480,7 +479,10 @@ def test_the_lift_correction_of_a_prediction_is_that_which_the_others_ask_for(jo
     others = asked_by_all(problem, solution.z, 1.0) - asked_by(problem, solution.z, 2, 1.0)
     rest = leftout_room._without(problem, solution.z, 2)
     np.testing.assert_allclose(
-        given_to(problem, others).values, shared_lift(rest, rest.start, 1.0).values, rtol=1e-6, atol=1e-12
+        given_to(problem, others).values,
+        given_to(rest, asked_by_all(rest, rest.start, 1.0)).values,
+        rtol=1e-6,
+        atol=1e-12,
     )
 
 
@@ -593,7 +595,8 @@ def test_what_a_wrong_lift_table_does_in_all_recordings_is_found_as_one_correcti
         output, (shaft, measured, *_) = evaluate(item.chain, values), transfer(item.chain, values, BINS)
         cam = binned(output.load * basis.correction(output.motion.theta, bump, 1))
         moved.append(replace(item, torque=item.torque + filtered(cam, shaft * measured)))
-    plain, found = (shared_lift(replace(problem, data=tuple(data)), solution.z, 1.0) for data in (problem.data, moved))
+    problems = [replace(problem, data=tuple(data)) for data in (problem.data, moved)]
+    plain, found = (given_to(one, asked_by_all(one, solution.z, 1.0)) for one in problems)
     lift = LiftCorrection(basis.knots, 0.0)
     theta = middle + np.radians(np.linspace(-8.0, 8.0, 60))
     wanted, told = lift.correction(theta, bump, 1), found.slope(theta) - plain.slope(theta)

@@ -15,7 +15,6 @@ from functools import partial
 import numpy as np
 
 from camtorque.fit.arrow import ArrowCovariance
-from camtorque.fit.common_rows import common_error, with_common_rows
 from camtorque.fit.drift import (
     EXCLUSION_FACTOR,
     Drift,
@@ -35,7 +34,14 @@ from camtorque.fit.joint_fit import (
     joint_recording,
     shown_covariance,
 )
-from camtorque.fit.joint_input import Alone, JointInput, Known, refuse_two_states
+from camtorque.fit.joint_input import (
+    Alone,
+    JointInput,
+    Known,
+    common_error,
+    refuse_two_states,
+    with_common_rows,
+)
 from camtorque.fit.joint_solver import JointSolution, solve_many
 from camtorque.fit.leftout import HeldOut, Predicted, left_out, poor_findings, predicted, settling_findings
 from camtorque.fit.minima import attempted
@@ -43,7 +49,7 @@ from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import FitData, Problem, build_problem, in_structure, started_at, with_starts
 from camtorque.fit.result import parameter_estimates
 from camtorque.fit.search import SCAN_KEPT, SCAN_SHARES
-from camtorque.fit.shared_lift import SharedLift, shared_lift
+from camtorque.fit.shared_lift import SharedLift, given_to
 from camtorque.fit.single import SWITCHING, switching_shift
 from camtorque.fit.solver import approach, lift_at, try_at
 from camtorque.fit.starts import SEARCH_LIFT_CUT, chi_square_at_start, ends_at
@@ -233,7 +239,7 @@ def fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], threads
 
     Parameters
     ----------
-    known : recordings whose minima are found
+    known : two recordings or more whose minima are found
     read : gives all of one of them by its place; only so many are held at a time as are worked at
     threads : recordings that are worked at side by side; it changes no number
 
@@ -264,12 +270,11 @@ def _fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], each: 
         places = [place for k, place in enumerate(places) if k not in odd]
     drifts = shared_drifts(used) if len(used) > 2 else ()
     fit = joint_fit_of(used, problem, solution, drifts)
-    others = left_out(fit) if len(used) > 1 else None
+    others = left_out(fit)
 
     def told(index: int) -> tuple[JointRecording, Predicted]:
         item = read(places[index])
-        alone = Predicted((), True)
-        return joint_recording(fit, index, item), alone if others is None else predicted(fit, others, index, item)
+        return joint_recording(fit, index, item), predicted(fit, others, index, item)
 
     fitted, without = zip(*each(told, range(len(used))), strict=True)
     shared = tuple(row for row in parameter_estimates(fit.recording(0)) if row.role == "shared")
@@ -289,7 +294,7 @@ def _fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], each: 
     return CampaignFit(
         tuple(item.name for item in used), shared, fitted, problem.names, solution.z,
         fit.covariance.arrow, tuple(row for one in without for row in one.held), drifts, tuple(excluded), findings,
-        shown_covariance(solution, fit.covariance), shared_lift(problem, solution.z, fit.covariance.inflation),
+        shown_covariance(solution, fit.covariance), given_to(problem, others.lift),
     )  # fmt: skip
 
 

@@ -192,9 +192,8 @@ def left_out(fit: JointFit) -> LeaveOneOut:
     shown = shown_covariance(fit.solution, cov)
     known = KnownFit(fit.problem.names, fit.solution.z, cov.arrow, recordings, shown)
     curves = {item.name: Curve(item.chain.theta, item.chain.line_pressure, item.chain.speed) for item in data}
-    return LeaveOneOut(
-        shares(fit.problem, fit.solution), known, curves, asked_by_all(fit.problem, fit.solution.z, cov.inflation)
-    )
+    asked = asked_by_all(fit.problem, fit.solution.z, cov.inflation)
+    return LeaveOneOut(shares(fit.problem, fit.solution), known, curves, asked)
 
 
 @dataclass(frozen=True)

@@ -142,11 +142,6 @@ def lost_torque(found: Candidate) -> Array:
     return filtered_out_torque(chain, values, torques)
 
 
-def with_lost_torque(data: FitData, lost: Array) -> FitData:
-    """Return a recording, as it was measured, whose shaft is twisted by what the transducer does not see as well."""
-    return replace(data, chain=replace(data.chain, shaft_torque=data.chain.shaft_torque + lost))
-
-
 def with_its_lost_torque(found: Candidate, measured: Array) -> Candidate:
     """Return a minimum with the torque that is lost at it, by fixed-point steps; stiff shafts need none.
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from camtorque.fit.problem import FitData, Problem
 from camtorque.fit.solver import Solution
 from camtorque.fit.uncertainty import Covariance, inverse
-from camtorque.laws.chain import BINS
+from camtorque.laws.chain import BINS, derivative_by
 from camtorque.records import Array, ResidualBump
 
 UNEXPLAINED_TIMES = 3.0
@@ -51,18 +51,15 @@ def block_cross_validation(problem: Problem, solution: Solution, cov: Covariance
     Each block's residual without it is ``(I - J_b C J_b')^-1 r_b``, exact where the model is linear. Where one block
     alone tells a parameter the matrix is nearly singular: the size of such an error says no more than that.
     """
-    item, output = problem.data[0], solution.output
-    own, chain = problem.places[0]
-    jacobian = np.column_stack([output.derivative, output.linear])[:, chain] * item.weight[:, None]  # type: ignore[list-item]
-    lift, left = solution.lift, solution.left
-    scale = cov.prior_std[own]
-    columns = np.column_stack([jacobian * scale, lift.vectors * lift.strength])
+    weight, lift, left = problem.data[0].weight, solution.lift, solution.left
+    jacobian = derivative_by(solution.output, problem.names) * weight[:, None]
+    columns = np.column_stack([jacobian * cov.prior_std, lift.vectors * lift.strength])
     matrix = inverse(columns.T @ columns + np.eye(columns.shape[1]))
     errors = []
     for place in np.array_split(np.arange(BINS), round(360.0 / BLOCK_DEG)):
         block = columns[place]
         leverage = np.eye(place.size) - block @ matrix @ block.T
-        error = np.linalg.solve(leverage, left[place]) / item.weight[place]
+        error = np.linalg.solve(leverage, left[place]) / weight[place]
         errors.append(np.sqrt(np.mean(error**2)))
     return np.array(errors)
 

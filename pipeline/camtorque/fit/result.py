@@ -92,7 +92,7 @@ def fitted_torque(
     stds = pressure_stds(fit, fitted)
     known = {row.name.split(SEPARATOR)[0]: row for row in parameters}
     trigger = _moved(config.trigger.nominal_angle, known["trigger_offset"], DEGREE)
-    sure = sureness(fit, rigid, means.torque_all)
+    losses_stderr, gap_stderr = sureness(fit, rigid, means.torque_all)
     residual = means.torque - fitted.torque
     peak = float(np.max(means.torque_all))
     explained = is_explained(residual, means.odd_even, peak)
@@ -107,7 +107,7 @@ def fitted_torque(
         chamber_pressure_std=None if stds is None else stds[0], chamber_peak=_chamber_peak(fitted, stds),
         chamber_return_start=return_start(fitted, stds), true_angle=motion.theta, forces=forces,
         contact_lost=bool(np.any(lost)), losses=_losses(fit, fitted, means),
-        losses_stderr=sure.work, gap_stderr=sure.gap,
+        losses_stderr=losses_stderr, gap_stderr=gap_stderr,
         metrics=metrics_of_fit(means, fitted.torque, held.torque, rigid.torque, rigid.lift, rigid.lift_velocity),
         trigger_angle=trigger,
         torque_delay=_moved(cycles.torque_delay.value, known["delay_error"], 1e-6),

@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from camtorque.fit.minima import Candidate, Halves, beside, followed, lost_torque, with_lost_torque
+from camtorque.fit.minima import Candidate, Halves, beside, followed, lost_torque
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import FitData, in_structure, with_starts
 from camtorque.fit.residual import explains
@@ -82,7 +82,8 @@ class SearchData:
     @property
     def twisted(self) -> FitData:
         """The half that is fitted, whose shaft is twisted by what the transducer does not see as well."""
-        return with_lost_torque(self.halves.fitted, self.lost)
+        data = self.halves.fitted
+        return replace(data, chain=replace(data.chain, shaft_torque=data.chain.shaft_torque + self.lost))
 
     @property
     def on_search_grid(self) -> FitData:
@@ -90,7 +91,7 @@ class SearchData:
         return on_search_grid(self.twisted)
 
     def doubt(self, found: Found) -> float:
-        """Return the doubt that the best minimum leaves; one that a report would call unexplained leaves a large one."""
+        """Return the doubt that the best minimum leaves; one that a report calls unexplained leaves a large one."""
         if found.best is None:
             return np.inf
         _, minimum = found.best

@@ -58,7 +58,13 @@ class Asked(ReadOnly):
 
 
 def asked_by(problem: Problem, z: Array, index: int, inflation: float) -> Asked:
-    """Return what one recording of a joint minimum asks for; parameters as in `shared_lift`."""
+    """Return what one recording of a joint minimum asks for.
+
+    Parameters
+    ----------
+    z : (k,) free parameters
+    inflation : factor on the variance of the residuals
+    """
     basis = problem.data[0].lift_basis
     item = replace(problem.data[index], lift_basis=basis)
     values, coefficients = problem.values(z, index)
@@ -69,19 +75,8 @@ def asked_by(problem: Problem, z: Array, index: int, inflation: float) -> Asked:
     return Asked(felt_by @ felt_by.T / inflation, felt_by @ (modes.vectors.T @ residual) / inflation)
 
 
-def shared_lift(problem: Problem, z: Array, inflation: float) -> SharedLift:
-    """Return the correction that the recordings of a joint minimum ask for together.
-
-    Parameters
-    ----------
-    z : (k,) free parameters
-    inflation : factor on the variance of the residuals
-    """
-    return given_to(problem, asked_by_all(problem, z, inflation))
-
-
 def asked_by_all(problem: Problem, z: Array, inflation: float) -> Asked:
-    """Return what all recordings of a joint minimum ask for together; parameters as in `shared_lift`."""
+    """Return what all recordings of a joint minimum ask for together; parameters as in `asked_by`."""
     found = asked_by(problem, z, 0, inflation)
     for index in range(1, len(problem.data)):
         found = found + asked_by(problem, z, index, inflation)

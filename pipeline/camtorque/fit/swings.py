@@ -54,14 +54,6 @@ def expected(data: FitData, names: Iterable[str]) -> dict[str, float]:
     return {name: prior[0] for name, prior in priors.items() if prior}
 
 
-def as_expected(start: Start) -> FitData:
-    """Return a start with all but what places the load back at what is expected of it."""
-    names = [
-        parameter.row.name for parameter in build_problem([start.data]).parameters if parameter.row.name not in CORE
-    ]
-    return with_starts(start.data, expected(start.data, names))
-
-
 def with_hubs(best: Start) -> list[FitData]:
     """Return the best start with the hubs that help it most."""
     return best_of([with_starts(best.data, hub) for hub in HUBS])
@@ -72,7 +64,8 @@ def with_hubs_alone(best: Start) -> list[FitData]:
 
     A shaft that rings where shaft and hub swing together does not let go of it.
     """
-    item = as_expected(best)
+    names = [name for name in build_problem([best.data]).names if name not in CORE]
+    item = with_starts(best.data, expected(best.data, names))
     shafts = ({"shaft_compliance": soft, "shaft_resonance": 2.0 * np.pi * hertz} for soft, hertz in SHAFTS_WITH_HUB)
     return best_of([with_starts(item, {**shaft, **hub}) for shaft in shafts for hub in HUBS])
 

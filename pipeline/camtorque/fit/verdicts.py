@@ -2,17 +2,17 @@
 
 *Changed*: the sets of changes that move it hold `TOLD` of the probability. *Not changed*: whatever any two other events
 did, the interval stays within the smallest change that would have been seen, and that is smaller than what matters.
-Everything else cannot be told.
+Everything else cannot be told. Behind the differences of several pairs of recordings of one pump are the same events.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camtorque.fit.changes import ALWAYS, CHANGES, TOLD, Attribution
+from camtorque.fit.changes import ALWAYS, CHANGES, TOLD, Attribution, Hypothesis, mixture, two_ln_odds
 from camtorque.fit.pair import Pair
 from camtorque.fit.uncertainty import COVERAGE
 from camtorque.fit.work import work_at
@@ -103,6 +103,33 @@ def parameter_differences(pair: Pair, found: Attribution) -> tuple[Difference, .
         result.append(Difference(name, before, after, after - before, std, row.unit, verdict(told, free, matters),
                                  SEEN * free[1], matters))  # fmt: skip
     return tuple(result)
+
+
+def common_attributions(found: Sequence[Attribution]) -> tuple[Attribution, ...]:
+    """Return the attributions of several pairs of one pump when the same events are behind all of them."""
+    every = dict.fromkeys(item.groups for one in found for item in one.hypotheses)
+    each = [{groups: _within(one.hypotheses, groups) for groups in every} for one in found]
+    score = {g: sum(one[g].two_ln_evidence for one in each) - (len(each) - 1) * two_ln_odds(g) for g in every}
+    order = sorted(every, key=lambda groups: (-score[groups], groups))
+    evidence = np.array([score[groups] for groups in order])
+    result = []
+    for one, table in zip(found, each, strict=True):
+        hypotheses = tuple(table[groups] for groups in order)
+        weight, mean, covariance = mixture(hypotheses, evidence)
+        result.append(replace(one, hypotheses=hypotheses, probabilities=weight, mean=mean, covariance=covariance))
+    return tuple(result)
+
+
+def _within(hypotheses: Sequence[Hypothesis], groups: tuple[str, ...]) -> Hypothesis:
+    """Return a set, or where it was not worth fitting the best of its parts, with the odds of what it adds."""
+    parts = [item for item in hypotheses if set(item.groups) <= set(groups)]
+
+    def score(item: Hypothesis) -> float:
+        return item.two_ln_evidence + two_ln_odds([name for name in groups if name not in item.groups])
+
+    exact = [item for item in parts if item.groups == groups]
+    best = exact[0] if exact else max(parts, key=score)
+    return replace(best, groups=groups, two_ln_evidence=score(best))
 
 
 def pooled(rows: Sequence[Difference]) -> Difference:

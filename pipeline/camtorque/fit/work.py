@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,30 +19,24 @@ ANGLE, CHAMBER = "cam angle", "plunger pressure"
 """The two reasons for which pressure makes another torque than the rigid model has."""
 
 
-@dataclass(frozen=True)
-class Sureness:
-    """Standard uncertainties.
-
-    work : loss -> of its work [J per revolution]; gap : cause -> (3,) of its torque [N m]: mean over the loaded part of
-    the forward stroke, mean over the return stroke, where the measured torque is least there
-    """
-
-    work: Mapping[str, float]
-    gap: Mapping[str, Array]
-
-
 def work_at(chain: ChainInput, values: Mapping[str, float], coefficients: Array) -> dict[str, float]:
     """Return the work of each loss at values of the nonlinear and (17,) of the linear parameters [J per revolution]."""
     return _work(chain, values, *_caused(chain, values, coefficients))
 
 
-def sureness(fit: Fit, rigid: RigidTorque, measured: Array) -> Sureness:
+def sureness(fit: Fit, rigid: RigidTorque, measured: Array) -> tuple[dict[str, float], dict[str, Array]]:
     """Return how sure work and torque by cause of a recording are.
 
     Parameters
     ----------
     rigid : rigid solution, whose strokes are meant
     measured : (n_theta,) mean measured torque on the grid of ``rigid`` [N m]
+
+    Returns
+    -------
+    work : loss -> standard uncertainty of its work [J per revolution]
+    gap : cause -> (3,) that of its torque [N m]: mean over the loaded part of the forward stroke, mean over the return
+        stroke, where the measured torque is least there
     """
     chain = fit.problem.data[0].chain
     parts = _parts(chain, rigid, measured)
@@ -57,7 +50,7 @@ def sureness(fit: Fit, rigid: RigidTorque, measured: Array) -> Sureness:
     works = dict(zip(work, std.tolist(), strict=False))
     gaps = dict(zip(gap, std[len(work) :].reshape(len(gap), -1), strict=True))
     del works[NOT_CARRIED], gaps[NOT_CARRIED]
-    return Sureness(works, gaps)
+    return works, gaps
 
 
 def carried(fit: Fit, at: Callable[[Mapping[str, float], Array], Array]) -> Array:
@@ -112,7 +105,7 @@ def _both(
 
 
 def _parts(chain: ChainInput, rigid: RigidTorque, measured: Array) -> Array:
-    """Return the weights (3, n) that average a curve of the fit's grid over the parts of `Sureness.gap`."""
+    """Return the weights (3, n) that average a curve of the fit's grid over the parts of the gap in `sureness`."""
     forward, fall, lowest = parts_of_gap(rigid, measured)
     masks = [np.interp(chain.theta, rigid.theta, mask.astype(np.float64)) for mask in (forward, fall)]
     masks.append(np.zeros(chain.theta.size))
