@@ -145,6 +145,18 @@ def test_contradictions_are_refused(papers: Path, file: str, old: str, new: str,
         read_sensor(reference(papers))
 
 
+@pytest.mark.parametrize("line", ["output_range_V = [-5.0, 5.0]\n", "nominal_range = [-200.0, 200.0]\n"])
+def test_a_sheet_with_its_certificate_may_leave_a_range_open(papers: Path, line: str):
+    with_range = read_sensor(reference(papers), "V", 4.0).calibration
+    edit(papers / TORQUE, line, "")
+    sensor = read_sensor(reference(papers), "V", 4.0)
+    assert not sensor.findings
+    assert sensor.calibration.gain == with_range.gain
+    left_open = "output" in line
+    assert sensor.calibration.output_max_volts == (math.inf if left_open else 5.0)
+    assert sensor.calibration.range_max == pytest.approx(200.0 if left_open else 160.0, rel=0.01)
+
+
 SHEET_NUMBERS = [line for line in (CALIBRATION / TORQUE).read_text().splitlines() if re.search(r"= -?[\d.e-]+$", line)]
 
 

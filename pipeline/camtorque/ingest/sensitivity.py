@@ -96,12 +96,10 @@ def _refuse_keys(sheet: Sheet, keys: dict[str, str], own: str, other: str) -> No
 
 
 def range_of(sheet: Sheet, name: str, otherwise: tuple[float, float] = (0.0, 0.0)) -> tuple[float, float]:
-    """Return a range of the sheet; a sheet of its own has to state it, a sensor in the recording may leave it open."""
+    """Return a range of the sheet, or what holds in its place where the sheet leaves it open."""
     key = {"nominal_range": "nominal_range", "output_range": "output_range_V"}[name]
-    if sheet[name] is None and not sheet.files:
-        return otherwise
     if sheet[name] is None:
-        raise Refusal(f"{sheet.where} {key}: this key is missing; give [lowest, highest]")
+        return otherwise
     low, high = sheet[name]
     if not low < high:
         raise Refusal(f"{sheet.where} {key}: found [{low:g}, {high:g}], expected [lowest, highest]")
