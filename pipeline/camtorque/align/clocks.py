@@ -108,10 +108,11 @@ def best_lag(reference: Array, other: Array, edge_noise: float) -> tuple[int, fl
     ----------
     edge_noise : standard error of the difference of two edges, one of each logger [s]
     """
-    trials = _lag_trials(np.diff(reference), np.diff(other))
+    noise = 2.0 * edge_noise**2
+    trials = _lag_trials(np.diff(reference), np.diff(other), noise)
     if not trials:
         return 0, 0.0, 0
-    odds = _log_odds(trials, 2.0 * edge_noise**2)
+    odds = _log_odds(trials, noise)
     order = np.argsort(-odds)
     if len(trials) == 1:
         return trials[0].lag, 0.0, trials[0].lag
@@ -125,8 +126,8 @@ def best_lag(reference: Array, other: Array, edge_noise: float) -> tuple[int, fl
     return chosen.lag, evidence, (best if chosen is not best else rival).lag
 
 
-def _lag_trials(period: Array, other_period: Array) -> list[LagTrial]:
-    """Return all lags at which enough periods overlap."""
+def _lag_trials(period: Array, other_period: Array, noise: float) -> list[LagTrial]:
+    """Return all lags at which enough periods overlap; ``noise``: variance that edges alone make [s^2]."""
     shorter = min(period.size, other_period.size)
     least = max(LEAST_PULSES - 1, int(np.ceil(LEAST_OVERLAP * shorter)))
     most = LARGEST_SKEW * float(np.nanmedian(period))
@@ -138,7 +139,7 @@ def _lag_trials(period: Array, other_period: Array) -> list[LagTrial]:
         difference = difference[np.isfinite(difference)]
         if difference.size >= least:
             difference = difference - np.clip(np.median(difference), -most, most)
-            trials.append(LagTrial(lag, _robust_mean_square(difference), difference.size))
+            trials.append(LagTrial(lag, _robust_mean_square(difference, noise), difference.size))
     return trials
 
 
@@ -153,8 +154,9 @@ def _log_odds(trials: list[LagTrial], noise: float) -> Array:
     return np.asarray(alike - APART_BEFOREHAND * (1.0 - overlap / np.max(overlap)))
 
 
-def _robust_mean_square(values: Array) -> float:
-    limit = 5.0 * 1.4826 * np.median(np.abs(values)) + 1e-12
+def _robust_mean_square(values: Array, noise: float) -> float:
+    # edges told to whole samples make most differences nothing and the others a sample: none of these is an outlier
+    limit = 5.0 * max(1.4826 * float(np.median(np.abs(values))), float(np.sqrt(noise))) + 1e-12
     return float(np.mean(np.minimum(np.abs(values), limit) ** 2))
 
 
