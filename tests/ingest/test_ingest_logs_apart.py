@@ -67,6 +67,15 @@ def hours_later(seconds: float) -> str:
     return f"2025-03-04T14:00:{seconds + 1.3:09.6f}"
 
 
+@pytest.mark.parametrize(("turns", "told"), [(0.4, False), (1.4, True)])
+def test_loggers_that_are_stopped_one_by_one_end_within_a_revolution(tmp_path: Path, turns: float, told: bool):
+    recording(tmp_path, "{:.6f}".format)
+    rows = (tmp_path / "PRESSURE.csv").read_text(encoding="utf-8").splitlines()
+    kept = rows[: len(rows) - round(turns * len(rows) / 6.0)]
+    (tmp_path / "PRESSURE.csv").write_text("\n".join(kept) + "\n", encoding="utf-8")
+    assert ("log_ends_early" in texts(read_recording(tmp_path))) is told
+
+
 def test_logs_whole_hours_apart_are_asked_for_their_time_zone(tmp_path: Path):
     read = recording(tmp_path / "a", hours_later, lambda seconds: iso(seconds) + "Z")
     hint = r"; 2 h are what two time zones differ by \(a stamp that ends in Z is in UTC\): export both in one$"

@@ -10,7 +10,7 @@ from camtorque.ingest.raw import RawChannel
 from camtorque.ingest.sensors import FIRST_STAMP
 from camtorque.records import Channel, Finding
 from camtorque.signal.logger_time import end_time
-from camtorque.units import HOUR, first_of, zone_hint
+from camtorque.units import HOUR, TURN, first_of, zone_hint
 
 T = TypeVar("T", ChannelSpec, Channel)
 CLOCKS_APART = HOUR
@@ -96,12 +96,15 @@ def _together(config: RecordingConfig, channels: Sequence[Channel]) -> list[Find
 def _ends(config: RecordingConfig, channels: Sequence[Channel]) -> list[Finding]:
     """Find logs that end apart although their loggers share a clock: one of them was cut."""
     findings = []
+    # loggers that were started one by one are stopped so, too: less than a revolution is nothing that was cut
+    apart = {logger.id for logger in config.loggers if logger.clock == "synchronised"}
+    turn = TURN / config.nominal_speed
     for group in _by_clock(config, channels):
         ends = [end_time(channel) for channel in group]
-        longest_step = max(1.0 / channel.sample_rate for channel in group)
+        usual = 1.5 * max(1.0 / channel.sample_rate for channel in group)
         for channel, end in zip(group, ends, strict=True):
             early = max(ends) - end
-            if early > 1.5 * longest_step:
+            if early > (max(usual, turn) if channel.logger in apart else usual):
                 begun = end > max(other.start_time for other in group)
                 what = "is it cut?" if begun else "another begins later: do their times count from one moment?"
                 text = f"the log ends {early:.6g} s before the others on its clock; {what}"
