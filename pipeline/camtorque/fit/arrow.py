@@ -10,12 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.fit.problem import Places
-from camtorque.records import Array, ReadOnly
+from camtorque.records import Array, Mask, ReadOnly
 
-Mask = NDArray[np.bool_]
 SMALLEST_EIGENVALUE = 1.0e-12
 """Relative to the largest one; what is weaker is no direction in which a step promises anything."""
 REGULARISED = 1.0e-12

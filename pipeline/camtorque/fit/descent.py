@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from camtorque.records import Array, ReadOnly
+from camtorque.records import Array, Mask, ReadOnly
 
 RELATIVE_GAIN, LEAST_GAIN = 1.0e-4, 0.01
 """An undamped step that promises less than this share of chi-square plus this leads nowhere: a minimum."""
@@ -139,12 +138,12 @@ def minimise(descent: Descent[T, P], start: T, effort: Effort) -> DescentResult[
     return DescentResult(trial, known, (iterations, evaluations, converged))
 
 
-def free_at(z: Array, vector: Array, lower: Array, upper: Array) -> NDArray[np.bool_]:
+def free_at(z: Array, vector: Array, lower: Array, upper: Array) -> Mask:
     """Return which parameters are not held by a bound that the descent pushes against."""
     return ~(((z <= lower) & (vector < 0.0)) | ((z >= upper) & (vector > 0.0)))
 
 
-def promised(matrix: Array, vector: Array, free: NDArray[np.bool_]) -> float:
+def promised(matrix: Array, vector: Array, free: Mask) -> float:
     """Return how much chi-square the undamped step in the free parameters promises."""
     rhs = vector[free]
     return float(rhs @ np.linalg.lstsq(matrix[np.ix_(free, free)], rhs, rcond=1e-12)[0])

@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.fit.descent import free_at, promised
 from camtorque.fit.minima import Candidate
@@ -14,7 +13,7 @@ from camtorque.fit.problem import SEPARATOR, STRUCTURES
 from camtorque.fit.single import Fit
 from camtorque.laws.chain import ON_CAM
 from camtorque.mechanism.smoothing import table_error
-from camtorque.records import CamTable, Finding, ParameterEstimate
+from camtorque.records import CamTable, Finding, Mask, ParameterEstimate
 from camtorque.units import LOGARITHM, short
 
 RARE = 3.0902
@@ -129,9 +128,7 @@ def table_findings(table: CamTable) -> tuple[Finding, ...]:
     return (Finding("lift_scatter", "info", text),)
 
 
-def fit_findings(
-    fit: Fit, least_guide: float, lost: NDArray[np.bool_], unexplained: float | None
-) -> tuple[Finding, ...]:
+def fit_findings(fit: Fit, least_guide: float, lost: Mask, unexplained: float | None) -> tuple[Finding, ...]:
     """Return what is odd about a fit.
 
     Parameters

@@ -34,7 +34,7 @@ from camtorque.fit.shared_lift import Asked, asked_by, asked_by_all, given_to
 from camtorque.fit.solver import solve
 from camtorque.laws import ripple
 from camtorque.laws.chain import coefficients_of, evaluate
-from camtorque.records import Array, Finding, Metrics
+from camtorque.records import Array, Finding, Mask, Metrics
 
 ZERO_SPREAD_SHARE = 1.0e-3
 """Blind predictions take off the mean where the torque zero is known worse than this share of the peak."""
@@ -79,7 +79,7 @@ class Shares:
     parts: tuple[tuple[Array, Array], ...]
 
 
-def _moving(problem: Problem, solution: JointSolution) -> NDArray[np.bool_]:
+def _moving(problem: Problem, solution: JointSolution) -> Mask:
     """Return which parameters may follow a step: all shared ones, and own ones that no bound holds, (k,)."""
     free = free_at(solution.z, solution.gradient, *problem.bounds)
     return np.asarray(free | (solution.hessian.recording < 0))

@@ -3,29 +3,28 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.fit.prepare import MeanCycles
-from camtorque.records import Array, Metrics, RigidTorque
+from camtorque.records import Array, Mask, Metrics, RigidTorque
 
 STROKE = (0.05, 0.95)
 """Shares of the lift between which a stroke counts."""
 
 
-def stroke_masks(lift: Array, velocity: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def stroke_masks(lift: Array, velocity: Array) -> tuple[Mask, Mask]:
     """Return where the lift rises and where it falls between 5 and 95 % of its range, each (n_theta,)."""
     share = (lift - np.min(lift)) / np.ptp(lift)
     inside = (share >= STROKE[0]) & (share <= STROKE[1])
     return inside & (velocity > 0.0), inside & (velocity < 0.0)
 
 
-def loaded_part(rigid: Array, lift: Array, velocity: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def loaded_part(rigid: Array, lift: Array, velocity: Array) -> tuple[Mask, Mask]:
     """Return the loaded part of the forward stroke and the return stroke, each (n_theta,), as `metrics` use them."""
     rise, fall = stroke_masks(lift, velocity)
     return rise & (rigid > 0.2 * np.max(rigid[rise])), fall
 
 
-def parts_of_gap(rigid: RigidTorque, measured: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_], int]:
+def parts_of_gap(rigid: RigidTorque, measured: Array) -> tuple[Mask, Mask, int]:
     """Return both of `loaded_part`, and where the measured torque (n_theta,) is least on the return stroke."""
     forward, fall = loaded_part(rigid.torque, rigid.lift, rigid.lift_velocity)
     return forward, fall, int(np.flatnonzero(fall)[np.argmin(measured[fall])])

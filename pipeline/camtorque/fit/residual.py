@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.fit.problem import FitData, Problem
 from camtorque.fit.solver import Solution
 from camtorque.fit.uncertainty import Covariance, inverse
 from camtorque.laws.chain import BINS, derivative_by
-from camtorque.records import Array, ResidualBump
+from camtorque.records import Array, Mask, ResidualBump
 
 UNEXPLAINED_TIMES = 3.0
 UNEXPLAINED_SHARE = 1.5e-3
@@ -94,7 +93,7 @@ def residual_bumps(residual: Array, repeat: Array, fitted: Any) -> tuple[Residua
     return tuple(sorted(bumps, key=lambda bump: -abs(bump.peak))[:MOST_BUMPS])
 
 
-def _stretches(above: NDArray[np.bool_], least: int) -> list[tuple[int, int]]:
+def _stretches(above: Mask, least: int) -> list[tuple[int, int]]:
     """Return start and end of every stretch; those nearer to each other than ``least`` points are one."""
     edges = np.flatnonzero(np.diff(np.r_[0, above.astype(int), 0]))
     found: list[tuple[int, int]] = []

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camtorque.fit.prepare import CORRELATION, INDEPENDENT
 from camtorque.fit.problem import Problem
@@ -14,7 +13,7 @@ from camtorque.fit.truncated import Gaussian
 from camtorque.laws.chain import SHIFT_NAMES, ChainOutput
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.valve import SEAT_FLOW
-from camtorque.records import Array, ReadOnly
+from camtorque.records import Array, Mask, ReadOnly
 
 STATED = 10.0
 """Values that the stated variance of a residual is worth: it is known to within half."""
@@ -151,7 +150,7 @@ def pressure_jacobian(problem: Problem, tangents: Array) -> tuple[Array, list[in
     return tangents[:, [columns.index(problem.parameters[k].row.name) for k in own]], own
 
 
-def delivering(output: ChainOutput) -> NDArray[np.bool_]:
+def delivering(output: ChainOutput) -> Mask:
     """Return where fuel goes past the delivery valve into the line, (n,)."""
     flow = output.flows[:, SEAT_FLOW]
     return np.asarray(flow > DELIVERING * np.max(flow))

@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from camtorque.records import Array, Finding
+from camtorque.records import Array, Finding, Mask
 from camtorque.units import counted
 
 
@@ -36,7 +35,7 @@ class Damage:
 
     def bare_rows(self, ended: list[Array], line: int) -> int:
         """Return how many rows at the end hold no number in any column and are damaged: lines below the table."""
-        numbers: NDArray[np.bool_] = np.asarray(np.any(np.isfinite(ended), axis=0))
+        numbers: Mask = np.asarray(np.any(np.isfinite(ended), axis=0))
         bare = int(np.argmax(numbers[::-1])) if numbers.any() else 0
         return bare if any(at >= line - bare for lines in (self.rows, self.cells) for at in lines) else 0
 

@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.records.base import Array, Estimate, Finding, ReadOnly
+from camtorque.records.base import Array, Estimate, Finding, Mask, ReadOnly
 from camtorque.stacks import mean_of, std_of
 
 
@@ -77,7 +77,7 @@ class CamCycles(ReadOnly):
     pressure: Array
     speed: Array
     index: NDArray[np.int64]
-    held_out: NDArray[np.bool_]
+    held_out: Mask
     cycles_found: int
     duration: float
     speed_ripple_percent: float

@@ -5,9 +5,8 @@ from __future__ import annotations
 from itertools import count
 
 import numpy as np
-from numpy.typing import NDArray
 
-from camtorque.records import Array
+from camtorque.records import Array, Mask
 from camtorque.report.chart import Band, Curves, Line, Panel
 from camtorque.report.svg import (
     Scale,
@@ -27,7 +26,6 @@ from camtorque.report.svg import (
 )
 from camtorque.report.tones import stroke
 
-Mask = NDArray[np.bool_]
 LEFT, RIGHT, TOP, BOTTOM, LEGEND_LINE, GAP = 64.0, 12.0, 8.0, 38.0, 18.0, 14.0
 POINT = 5.2
 """Width of a point [px]."""
