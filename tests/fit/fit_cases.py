@@ -20,17 +20,25 @@ from camtorque.mechanism.solve import solve_rigid
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.records import CamCycles, Recording, RigidTorque
 from rig_bridge import cycles_of, recording_of
-from rigs.families import FAMILIES
+from rigs.families import FAMILIES, change
 from rigs.rig import RigRun, end_angle, lift_of, simulate
 from rigs.truth import RigTruth
 
 LOAD = 0.8
 
 
+def plain_bush(rng: np.random.Generator) -> RigTruth:
+    """Return a rig whose roller turns in a plain bush."""
+    return change(FAMILIES["closed_volume"](rng), friction__pin_mu=0.05, friction__pin_radius=4e-3)
+
+
+CASES = {**FAMILIES, "plain_bush": plain_bush}
+
+
 @cache
 def rig(family: str, draw: int = 0, rpm: float = 1000.0, load: float = LOAD) -> RigRun:
-    """Return 16 revolutions of a rig of a family."""
-    truth = FAMILIES[family](np.random.default_rng(100 + draw))
+    """Return 16 revolutions of a rig of `CASES`."""
+    truth = CASES[family](np.random.default_rng(100 + draw))
     return simulate(truth, rpm, load, n_cycles=16, seed=draw, step=1e-5, record_deg=0.12)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,6 +15,7 @@ from camtorque.fit.evidence import loss_evidence, where_unexplained
 from camtorque.fit.local_error import weighed_locally
 from camtorque.fit.minima import Candidate, Halves, at_minimum, attempted, beside, followed, with_its_lost_torque
 from camtorque.fit.other_way import ways
+from camtorque.fit.pin import OtherPin, pin_decided
 from camtorque.fit.prepare import INDEPENDENT, MeanCycles, fit_data, mean_cycles, other_half
 from camtorque.fit.problem import STRUCTURES, Problem, with_rows
 from camtorque.fit.residual import explains
@@ -41,6 +43,7 @@ RELAXED_TIME = 2.5e-3
 """Time over which what the delivery valve does after it opens is not trusted in the relaxed variant [s]."""
 RELAXED_SHARE = 0.5
 """Torque error there, as a share of the torque of the opening pressure."""
+PIN = "kind of the roller's pin"
 SWITCHING = "switching delay and clock of the trigger"
 BENT = "valley of the trigger angle beyond its slope at the minimum"
 MINIMA = 5
@@ -63,7 +66,10 @@ class FitOptions:
 
 @dataclass(frozen=True)
 class Prepared:
-    """One recording with its minima, least chi-square first, and the valley of the best one along the trigger angle."""
+    """One recording with its minima, least chi-square first, and the valley of the best one along the trigger angle.
+
+    ``other_pin`` is the best one with the less probable kind of pin.
+    """
 
     recording: Recording
     cycles: CamCycles
@@ -72,6 +78,7 @@ class Prepared:
     candidates: tuple[Candidate, ...]
     valley: Valley
     measured: Array
+    other_pin: OtherPin | None = None
 
 
 @dataclass(frozen=True)
@@ -137,11 +144,11 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     if minima[0].doubt > DISSATISFYING:
         minima, valley = sought_again(minima, valley, halves)
     kept = distinct(minima)
-    weighed = weighed_locally(kept, halves, means.odd_even)
+    weighed, other_pin = pin_decided(weighed_locally(kept, halves, means.odd_even), halves)
     if weighed[0] is not kept[0]:
         best, valley = swept(weighed[0], halves)
         kept = distinct([best, *weighed[1:]])
-    return Prepared(recording, cycles, rigid, means, kept, valley, data.chain.shaft_torque)
+    return Prepared(recording, cycles, rigid, means, kept, valley, data.chain.shaft_torque, other_pin)
 
 
 def sought(halves: Halves) -> tuple[list[Candidate], Valley]:
@@ -224,6 +231,10 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     pressures.append(relaxed.solution.output.pressure - solution.output.pressure)
     shifts["other structures"], moved = structure_spread(prepared.candidates, probabilities)
     pressures.extend(moved)
+    if prepared.other_pin is not None:
+        other, share = prepared.other_pin.candidate.solution, math.sqrt(prepared.other_pin.probability)
+        shifts[PIN] = share * (other.z - solution.z)[None]
+        pressures.append(share * (other.output.pressure - solution.output.pressure))
     shifts[SWITCHING] = switching_shift(problem, switching_std(prepared.cycles))[None]
     odd_even = prepared.means.odd_even
     evidence: tuple[LossEvidence, ...] = ()

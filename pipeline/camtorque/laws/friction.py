@@ -18,8 +18,8 @@ from camtorque.laws.rows import Law, parameter
 ROWS = (
     parameter("bearing_arm", "mu r", "um", 1.0e-6, (0.0, 0.0, 2000.0, 30.0), (150.0, 200.0),
             "friction coefficient times radius of the camshaft bearings", "mu 0.002-0.05 on 8-15 mm"),
-    parameter("pin_arm", "mu r_pin", "um", 1.0e-6, (0.0, 0.0, 300.0, 5.0), (30.0, 40.0),
-            "friction coefficient times radius of the roller's pin", "mu 0.002-0.03 on 2-4 mm, needles to bushes"),
+    parameter("pin_arm", "mu r_pin", "um", 1.0e-6, (0.0, 0.0, 600.0, 5.0), (30.0, 40.0),
+            "friction coefficient times radius of the roller's pin", "needles: mu 0.002-0.03 on 2-4 mm"),
     parameter("guide_friction", "mu_g", "-", 1.0, (0.05, 0.0, 0.35, 0.02), (0.06, 0.05),
             "friction coefficient of the follower's guide", "lubricated steel, 0.02-0.12"),
     parameter("shaft_drag", "T_d", "N m", 1.0, (0.0, 0.0, 5.0, 0.05), (0.3, 0.6),
