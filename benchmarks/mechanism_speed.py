@@ -29,7 +29,7 @@ from camtorque.mechanism.elastic import solve_elastic
 from camtorque.mechanism.mounting import Mounting, PumpUnit
 from camtorque.mechanism.shaft import METHODS, solve_shaft
 from camtorque.mechanism.torque import closed_form_tables
-from camtorque.studies.kernel import cycle_tables, evaluate_cycles
+from camtorque.studies.dynamics import cycle_rows, evaluate_cycles
 from engine_cases import ENGINES, Sample
 from mechanism_cases import analytic_law, paper_pump
 
@@ -113,13 +113,16 @@ def candidates(cycles, size):
     speed = random.uniform(30.0, 120.0, cycles)
     pump, law, mounting = paper_pump(follower_offset=2e-3), analytic_law(), Mounting(guide_height=0.06)
     tables = closed_form_tables(pump, law, theta, mounting)
-    compiled = cycle_tables(tables)
+    rows, constants = cycle_rows(tables), tables.constants
     out = np.zeros((8, cycles, size))
     units = [PumpUnit(pump, law, mounting=mounting)]
     few = 2
     found = {
         "copy, 1 array to 8": (lambda: copy_one_to_eight(pressure, out), cycles * size),
-        "closed form, compiled, all 8": (lambda: evaluate_cycles(compiled, pressure, speed, out), cycles * size),
+        "closed form, compiled, all 8": (
+            lambda: evaluate_cycles(rows, constants, pressure, speed, out),
+            cycles * size,
+        ),
         "closed form, numpy, all 8": (lambda: numpy_tables(tables, pressure, speed, out), cycles * size),
     }
     for method in METHODS:

@@ -2,7 +2,6 @@
 
 table               points, charts, cells, maps; writing; what becomes of an attempt
 case, integrators   the pump of the studies, and the usual ways to integrate its driveline
-kernel              the closed form for many cycles in one compiled pass
 grid, dynamics, driveline, resampling                       the charts
 stability_driveline, stability_pump, stability_align        the maps
 study               their registries, and the run
