@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from camtorque.laws.chain import filtered
-from camtorque.laws.driveline import compliance, shaft_transfer
+from camtorque.laws.driveline import COMPLIANCE_NAMES, COUPLING_ROWS, ROWS, compliances, shaft_transfer
 from camtorque.mechanism.elastic import ElasticShaft, solve_by_harmonics, solve_elastic
 from camtorque.mechanism.mounting import PumpUnit
 from camtorque.records import Array
@@ -48,28 +48,20 @@ def harmonic(rows: Array, shaft: Shaft) -> Curve:
     omega = np.arange(size // 2 + 1) * shaft.speed
     resonance = float(np.sqrt(shaft.stiffness / inertia))
     values = {
+        **{row.name: row.start for row in (*ROWS, *COUPLING_ROWS)}, "drive_admittance": 0.0,
         "shaft_compliance": 1.0 / shaft.stiffness, "shaft_resonance": resonance,
-        "shaft_damping_ratio": 0.5 * shaft.damping * resonance / shaft.stiffness, "drive_admittance": 0.0,
-        "drive_bandwidth": 0.0, "drive_reset": 0.0, "drive_lag": -9.0,
-        "coupling_compliance": 0.0, "coupling_resonance": 750.0, "coupling_damping": 0.1,
-        "half_inertia": 0.0, "half_place": 0.6, "half_damping": 0.0,
+        "shaft_damping_ratio": 0.5 * shaft.damping * resonance / shaft.stiffness,
     }  # fmt: skip
-    total, _ = compliance(omega, values, False)
-    transfer, _ = shaft_transfer(omega, values, total[:, None])
+    both = compliances(omega, np.array([values[name] for name in COMPLIANCE_NAMES]), False)
+    transfer, _ = shaft_transfer(omega, values, both)
     return angle_grid(size), filtered(rows[0] + rows[1] * shaft.speed**2, transfer)
 
 
-def elastic(shaft: Shaft, size: int) -> Curve:
-    """Return what a prediction uses, over cam angle: collocation, read on a uniform grid of the drive's angle."""
-    return _driven(solve_elastic, shaft, size)
+def elastic(shaft: Shaft, size: int, solve: Callable[..., ElasticShaft] = solve_elastic) -> Curve:
+    """Return what a prediction uses, collocation read on a uniform grid of the drive's angle, over cam angle.
 
-
-def balanced(shaft: Shaft, size: int) -> Curve:
-    """Return the non-linear harmonic balance, which also solves several lobes, over cam angle."""
-    return _driven(solve_by_harmonics, shaft, size)
-
-
-def _driven(solve: Callable[..., ElasticShaft], shaft: Shaft, size: int) -> Curve:
+    ``solve_by_harmonics`` is the non-linear harmonic balance, which also solves several lobes.
+    """
     theta, unit = angle_grid(size), PumpUnit(study_pump(), knotted_law())
     values = np.array([shaft.stiffness]), np.array([shaft.damping])
     found = solve([unit], study_pressure(theta)[None], shaft.speed, *values)
@@ -101,7 +93,7 @@ def candidates(shaft: Shaft, quick: bool) -> dict[tuple[str, str], Callable[[], 
     for size in (180, 360, 720, 1800, 3600):
         found[LINEAR, f"{size}/rev"] = partial(harmonic, load_rows(angle_grid(size)), shaft)
     for size in (360, 720, 1800, 3600):
-        found["non-linear harmonic", f"{size}/rev"] = partial(balanced, shaft, size)
+        found["non-linear harmonic", f"{size}/rev"] = partial(elastic, shaft, size, solve_by_harmonics)
     found[PREDICT, "3600/rev"] = partial(elastic, shaft, 3600)
     for elements, place in ((360, "on"), (377, "off")):
         for stages in (1, 2, 3, 4, 6):

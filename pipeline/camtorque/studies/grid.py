@@ -9,7 +9,6 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator, make_interp_spline
 
 from camtorque.mechanism.cam import CamLaw
-from camtorque.mechanism.kinematics import kinematics
 from camtorque.mechanism.lift_laws import LIFT_METHODS
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array
@@ -69,22 +68,21 @@ def _interpolated(name: str, n_theta: int, check: Array) -> Array:
 QUANTITIES = ("torque", "acceleration", "Hertz stress")
 
 
-def law_errors(law: CamLaw, exact: CamLaw, theta: Array) -> tuple[float, float, float]:
+def law_errors(law: CamLaw, theta: Array) -> tuple[float, float, float]:
     """Return the largest errors of torque, y'' and Hertz stress over their peaks; infinite where a law is undercut."""
-    pump, pressure = study_pump(), study_pressure(theta)
+    pressure = study_pressure(theta)
     sides = []
-    for item in (law, exact):
-        tables = closed_form_tables(pump, item, theta)
-        path = kinematics(pump, item, theta)
-        hertz = tables.hertz(pressure, SPEED)
-        sides.append((tables.evaluate("torque", pressure, SPEED), path.acceleration, hertz))
+    for item in (law, study_law()):
+        tables = closed_form_tables(study_pump(), item, theta)
+        torque, hertz = tables.evaluate("torque", pressure, SPEED), tables.hertz(pressure, SPEED)
+        sides.append((torque, tables.kinematics.acceleration, hertz))
     errors = [peak_error(found, true) for found, true in zip(*sides, strict=True)]
     return tuple(error if np.isfinite(error) else np.inf for error in errors)  # type: ignore[return-value]
 
 
 def table_charts(quick: bool) -> tuple[Chart, ...]:
     """Return one chart per quantity: error against the points of the lift table, by method and rounding."""
-    exact, theta = study_law(), angle_grid(3607)
+    theta = angle_grid(3607)
     steps = TABLE_STEPS[1:4] if quick else TABLE_STEPS
     points: dict[str, list[Point]] = {name: [] for name in QUANTITIES}
     for resolution in RESOLUTIONS:
@@ -92,8 +90,7 @@ def table_charts(quick: bool) -> tuple[Chart, ...]:
             if name == "smoothing" and resolution == 0.0:
                 continue  # an exact table is not smoothed: quintic
             for step in steps:
-                table = rounded_table(exact, step, resolution)
-                found = law_errors(builder(table), exact, theta)
+                found = law_errors(builder(rounded_table(study_law(), step, resolution)), theta)
                 family = f"{name}, {resolution * 1e6:g} um" if resolution else f"{name}, exact"
                 for quantity, error in zip(QUANTITIES, found, strict=True):
                     marked = name == "smoothing" and resolution == 1.0e-6 and step == 1.0

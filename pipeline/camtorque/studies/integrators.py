@@ -16,7 +16,8 @@ import numpy as np
 
 from camtorque.compiled import njit
 from camtorque.mechanism.collocation import solve_orbit
-from camtorque.mechanism.torque import closed_form_tables
+from camtorque.mechanism.mounting import PumpUnit
+from camtorque.mechanism.periodic import lobe_rows
 from camtorque.records import Array
 from camtorque.studies.case import SPEED, knotted_law, study_pressure, study_pump
 from camtorque.units import TURN
@@ -36,11 +37,10 @@ class Shaft:
 
 def load_rows(theta: Array) -> Array:
     """Return load at rest with pressure [N m], factor of omega^2 and inertia J, (3, n)."""
-    table = closed_form_tables(study_pump(), knotted_law(), theta).outputs["torque"]
-    return np.stack([table[0] + table[1] * study_pressure(theta), table[2], table[3]])
+    return lobe_rows(PumpUnit(study_pump(), knotted_law()), study_pressure, theta)
 
 
-TABLE = 36000
+TABLE, TURNS = 36000, 5
 
 
 @njit(cache=True)
@@ -100,16 +100,15 @@ def _alpha_step(table, shaft, time, h, lead, rate, change, auxiliary, rho):  # t
 
 
 @njit(cache=True)
-def march(table, shaft, scheme, steps, turns, lead, rate, kept):  # type: ignore[no-untyped-def]
-    """Integrate turns of ``steps`` steps; ``kept`` (steps, 2) gets the last; False when it runs away."""
-    h = TURN / shaft[2] / steps
+def march(table, shaft, scheme, steps, kept):  # type: ignore[no-untyped-def]
+    """Integrate `TURNS` of ``steps`` steps from rest; ``kept`` (steps, 2) gets the last; False when it runs away."""
+    h, lead, rate = TURN / shaft[2] / steps, 0.0, 0.0
     change = acceleration(table, shaft, 0.0, lead, rate)
     auxiliary = change
-    limit = 10.0
-    for n in range(turns * steps):
-        t = n * h
-        if n >= (turns - 1) * steps:
-            kept[n - (turns - 1) * steps, 0], kept[n - (turns - 1) * steps, 1] = lead, rate
+    for n in range(TURNS * steps):
+        t, place = n * h, n - (TURNS - 1) * steps
+        if place >= 0:
+            kept[place, 0], kept[place, 1] = lead, rate
         a = acceleration(table, shaft, t, lead, rate)
         if scheme == 0:
             lead, rate = lead + h * rate, rate + h * a
@@ -131,7 +130,7 @@ def march(table, shaft, scheme, steps, turns, lead, rate, kept):  # type: ignore
         else:
             rho = 0.8 if scheme == 4 else 1.0
             lead, rate, change, auxiliary = _alpha_step(table, shaft, t, h, lead, rate, change, auxiliary, rho)
-        if not abs(lead) < limit or not abs(rate) < 100.0 * shaft[2]:
+        if not abs(lead) < 10.0 or not abs(rate) < 100.0 * shaft[2]:
             return False
     return True
 
@@ -140,7 +139,7 @@ def march_periodic(table: Array, shaft: Shaft, scheme: str, steps: int) -> tuple
     """Return cam angle (steps,), shaft torque (steps,) of the fifth turn from rest, and whether it stayed bounded."""
     kept = np.empty((steps, 2))
     vector = (shaft.stiffness, shaft.damping, shaft.speed)
-    bounded = bool(march(table, vector, SCHEMES.index(scheme), steps, 5, 0.0, 0.0, kept))
+    bounded = bool(march(table, vector, SCHEMES.index(scheme), steps, kept))
     lead, rate = kept.T
     return np.arange(steps) * (TURN / steps) + lead, -shaft.stiffness * lead - shaft.damping * rate, bounded
 

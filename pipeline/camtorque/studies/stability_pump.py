@@ -15,7 +15,6 @@ from camtorque.ingest.outliers import outlying_points
 from camtorque.ingest.pump_file import read_pressure_curve
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.friction import Friction
-from camtorque.mechanism.kinematics import kinematics
 from camtorque.mechanism.lift_laws import LIFT_METHODS, lift_law
 from camtorque.mechanism.predict import predict
 from camtorque.mechanism.torque import closed_form_tables
@@ -59,7 +58,7 @@ TABLES: dict[str, Callable[[], CamTable]] = {
 
 def _table_error(table: Callable[[], CamTable], method: str, quantity: int) -> Outcome:
     given = table()
-    error, outliers = law_errors(lift_law(given, method), study_law(), THETA)[quantity], outlying_points(given).size
+    error, outliers = law_errors(lift_law(given, method), THETA)[quantity], outlying_points(given).size
     return error, f"{outliers} point sticks out" if outliers else ""
 
 
@@ -88,11 +87,10 @@ def _run(config: PumpConfig, speed: float, exact: CamLaw) -> Outcome:
     curve = PressureCurve(THETA, study_pressure(THETA))
     found = predict(config, [speed], curve)
     tables = closed_form_tables(config.pump, exact, found.theta)
-    true = tables.evaluate("torque", found.pressure, speed)
+    true, contact = (tables.evaluate(name, found.pressure, speed) for name in ("torque", "contact_normal"))
     error = peak_error(found.shaft_torque[0], true)
-    path = kinematics(config.pump, exact, found.theta)
     # where the model does not hold, the number cannot be trusted, whatever its error against the same model
-    broken = bool(np.any(path.undercut) or np.any(tables.evaluate("contact_normal", found.pressure, speed) <= 0.0))
+    broken = bool(np.any(tables.kinematics.undercut) or np.any(contact <= 0.0))
     reported = "; ".join(item.text for item in found.findings if item.severity != "info")
     return (1.0 if broken else error), reported
 
