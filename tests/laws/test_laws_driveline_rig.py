@@ -54,7 +54,7 @@ def driveline_values(truth):
 
 
 def response(basis, values):
-    return compliance(basis.omega, values, False)[0][:, None]
+    return compliance(basis.omega, values, False)
 
 
 @pytest.mark.parametrize("case", ["shaft", "drive", "soft", "fast loop"])
@@ -73,7 +73,7 @@ def test_cam_angle_is_the_rigs(case):
     speed = float(cycles["speed"].mean())
     basis = twist_basis(nominal(run, "torque"), speed, truth.trigger.nominal_angle, 0)
     values = driveline_values(truth)
-    shift, rate, _ = angle_shifts(basis, compliance(basis.omega, values)[0][:, None])
+    shift, rate, _ = angle_shifts(basis, response(basis, values))
     assert np.ptp(found) > 2e-3  # a tenth of a degree
     # a linear drive seen at nominal instead of true angles: the square of the shift is left out
     assert np.max(np.abs(shift[:, 0] - found)) < 0.01 * np.ptp(found)
@@ -134,7 +134,7 @@ def test_shift_is_zero_at_the_trigger_edge():
     run = simulate(bare(np.random.default_rng(2)), RPM, n_cycles=2, step=1e-5)
     edge = np.radians(20.0)
     basis = twist_basis(run.true_cycles("torque", N)[0], 94.0, edge, 0)
-    shift = angle_shifts(basis, compliance(basis.omega, driveline_values(RigTruth()))[0][:, None])[0]
+    shift = angle_shifts(basis, response(basis, driveline_values(RigTruth())))[0]
     place = round(N * 20 / 360)
     assert angle_grid(N)[place] == pytest.approx(edge)
     np.testing.assert_allclose(shift[place], 0.0, atol=1e-12 * np.abs(shift).max())
@@ -159,10 +159,10 @@ def test_a_coupling_half_before_the_transducer_is_that_of_the_equations_of_motio
     omega = np.array([40.0, 300.0, 1500.0, 4000.0, 9000.0])
     values = {name: ROWS[name].start for name in COMPLIANCE_NAMES}
     values.update(half_inertia=0.8e-3, half_place=0.7, half_damping=0.8, shaft_compliance=120e-6, drive_admittance=3.0)
-    total = compliance(omega, values, False)[0][:, None]
+    total = compliance(omega, values, False)
     passed, _ = shaft_transfer(omega, values, total)
     values_of_drive = {**values, "shaft_compliance": 0.0}
-    drive = compliance(omega, values_of_drive, False)[0]
+    drive = compliance(omega, values_of_drive, False)[:, 0]
     inertia = 1.0 / (values["shaft_resonance"] ** 2 * values["shaft_compliance"])
     for k, w in enumerate(omega):
         s = 1j * w

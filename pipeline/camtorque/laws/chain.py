@@ -173,8 +173,7 @@ def drive_response(
     Its harmonics are those of the twist and those of ``n_points`` points.
     """
     highest = max(data.twist.omega.size, n_points // 2 + 1)
-    vector = np.array([values[name] for name in driveline.COMPLIANCE_NAMES])
-    return driveline.compliances(np.arange(float(highest)) * data.speed, vector, tangents)  # type: ignore[no-any-return]
+    return driveline.compliance(np.arange(float(highest)) * data.speed, values, tangents)
 
 
 def cam_motion(data: ChainInput, values: Mapping[str, float], response: NDArray[np.complex128]) -> Motion:

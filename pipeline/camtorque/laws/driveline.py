@@ -130,14 +130,12 @@ COMPLIANCE_NAMES = (*(row.name for row in ROWS[1:]), *COUPLING_NAMES)
 """Parameters of C(s), in the order of its derivatives: the first three and the last three are those of the shaft."""
 
 
-def compliance(omega: Array, values: Mapping[str, float], tangents: bool = True) -> tuple[Any, Any]:
-    """Return C(s) on harmonics (k,) [rad/(N m)] and its derivatives by `COMPLIANCE_NAMES`, (k, 13).
+def compliance(omega: Array, values: Mapping[str, float], tangents: bool) -> NDArray[np.complex128]:
+    """Return C(s) on harmonics (k,) [rad/(N m)], then its derivatives by `COMPLIANCE_NAMES`, (k, 14) or (k, 1).
 
-    Derivatives that are not asked for are none, (k, 0). The mean torque turns nothing that a trigger on the camshaft
-    could see: the drive's term is zero at w = 0.
+    The mean torque turns nothing that a trigger on the camshaft could see: the drive's term is zero at w = 0.
     """
-    both = compliances(omega, np.array([values[name] for name in COMPLIANCE_NAMES]), tangents)
-    return both[:, 0], both[:, 1:]
+    return compliances(omega, np.array([values[name] for name in COMPLIANCE_NAMES]), tangents)  # type: ignore[no-any-return]
 
 
 @njit(cache=True, error_model="numpy")

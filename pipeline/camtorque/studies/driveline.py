@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from camtorque.laws.chain import filtered
-from camtorque.laws.driveline import COMPLIANCE_NAMES, COUPLING_ROWS, ROWS, compliances, shaft_transfer
+from camtorque.laws.driveline import COUPLING_ROWS, ROWS, compliance, shaft_transfer
 from camtorque.mechanism.elastic import ElasticShaft, solve_by_harmonics, solve_elastic
 from camtorque.mechanism.mounting import PumpUnit
 from camtorque.records import Array
@@ -52,8 +52,7 @@ def harmonic(rows: Array, shaft: Shaft) -> Curve:
         "shaft_compliance": 1.0 / shaft.stiffness, "shaft_resonance": resonance,
         "shaft_damping_ratio": 0.5 * shaft.damping * resonance / shaft.stiffness,
     }  # fmt: skip
-    both = compliances(omega, np.array([values[name] for name in COMPLIANCE_NAMES]), False)
-    transfer, _ = shaft_transfer(omega, values, both)
+    transfer, _ = shaft_transfer(omega, values, compliance(omega, values, False))
     return angle_grid(size), filtered(rows[0] + rows[1] * shaft.speed**2, transfer)
 
 
