@@ -98,6 +98,11 @@ def angle_grid(n: int) -> Array:
     return np.asarray(np.arange(n) * (TURN / n), dtype=np.float64)
 
 
+def closed(theta: Array, values: Array) -> tuple[Array, Array]:
+    """Return angles (n,) [rad] and values (n,) of a revolution, the first repeated one revolution later, (n + 1,)."""
+    return np.append(theta, theta[0] + TURN), np.append(values, values[0])
+
+
 def tidy_unit(unit: str) -> str:
     """Return the one spelling of a unit: blanks, brackets and the two micro signs smoothed."""
     text = unit.strip().strip("[]()").replace("µ", "u").replace("μ", "u").replace("·", " ").replace("⋅", " ")

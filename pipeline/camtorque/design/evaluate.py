@@ -16,12 +16,11 @@ from camtorque.design.profile import SAMPLES, Family, Lobe
 from camtorque.design.quantities import PUMP_FIELDS, QUANTITIES, phase_name
 from camtorque.mechanism.contact import contact_modulus
 from camtorque.mechanism.friction import NO_FRICTION, Friction
-from camtorque.mechanism.kinematics import path_rows
-from camtorque.mechanism.mounting import Mounting
+from camtorque.mechanism.kinematics import path_at
 from camtorque.mechanism.predict import mounting_of
 from camtorque.mechanism.torque import OUTPUTS, Constants, constants_of, solve_lift
 from camtorque.records import Array, Integers, ReadOnly
-from camtorque.units import DEGREE, TURN
+from camtorque.units import DEGREE, TURN, closed
 
 PER_FLANK = SAMPLES + 1
 
@@ -67,19 +66,9 @@ class Evaluated:
         return moved
 
     @cached_property
-    def mounting(self) -> Mounting:
-        """Direction of running, gravity and guide of the pump file."""
-        return mounting_of(self.config)
-
-    @cached_property
-    def friction(self) -> Friction:
-        """Friction of the pump file."""
-        return Friction(*self.config.friction)
-
-    @cached_property
     def constants(self) -> Constants:
         """The pump as the closed form reads it."""
-        return constants_of(self.pump, self.mounting, self.friction)
+        return constants_of(self.pump, mounting_of(self.config), Friction(*self.config.friction))
 
     @cached_property
     def _nodes(self) -> tuple[Array, Array]:
@@ -108,7 +97,7 @@ class Evaluated:
     def path(self) -> Array:
         """Distance s, tan phi, 1 / cos phi, q, q' and curvature of the pitch curve at the nodes, (6, n)."""
         c = self.constants
-        return path_rows(self.lift[:3], c.base, c.offset, c.radius)
+        return np.stack(path_at(*self.lift[:3], c.base, c.offset, c.radius))
 
     @cached_property
     def solved(self) -> tuple[Solved, ...]:
@@ -161,23 +150,20 @@ class Evaluated:
         """Return the sum over the pumps of a torque over cam angle, at the nodes of each pump, (pumps, n)."""
         if self.phases.size == 1:
             return torque[None]
-        angle, sorted_torque = self.theta[self.order], torque[self.order]
-        angle = np.append(angle, angle[0] + TURN)
-        sorted_torque = np.append(sorted_torque, sorted_torque[0])
+        angle, sorted_torque = closed(self.theta[self.order], torque[self.order])
         lag = self.phases[:, None] - self.phases[None, :]
         local = np.mod(self.theta + lag[:, :, None] - angle[0], TURN) + angle[0]
         return np.sum(np.interp(local, angle, sorted_torque), axis=1)
 
     def over_a_turn(self, values: Array) -> float:
         """Return the integral of values at the nodes over one revolution."""
-        angle, sorted_values = self.theta[self.order], values[self.order]
-        closed = np.append(sorted_values, sorted_values[0])
-        return float(np.trapezoid(closed, np.append(angle, angle[0] + TURN)))
+        angle, sorted_values = closed(self.theta[self.order], values[self.order])
+        return float(np.trapezoid(sorted_values, angle))
 
     @cached_property
     def friction_torques(self) -> tuple[Array, ...]:
         """Per load, the torque of friction at the nodes [N m]."""
-        smooth = constants_of(self.pump, self.mounting, NO_FRICTION)
+        smooth = constants_of(self.pump, mounting_of(self.config), NO_FRICTION)
         return tuple(s.outputs["torque"] - self.outputs(s.pressure, s.load.speed, smooth)[0] for s in self.solved)
 
     def peaks(self, values: Array) -> Array:

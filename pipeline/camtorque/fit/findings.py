@@ -117,7 +117,7 @@ def largest_chi_square(degrees: float) -> float:
 
 def table_findings(table: CamTable) -> tuple[Finding, ...]:
     """Return a note on a lift table that scatters beyond its stated resolution."""
-    scatter = table_error(np.append(table.theta, table.theta[0] + 2.0 * np.pi), table.lift, table.resolution)
+    scatter = table_error(table)
     if scatter <= 0.6 * table.resolution:
         return ()
     text = (

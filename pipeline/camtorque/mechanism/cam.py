@@ -117,10 +117,6 @@ class CamLaw(ReadOnly):
         """Highest lift above the base circle [m]."""
         return float(np.max(self.evaluate(np.linspace(self.knots[0], self.knots[-1], 7201))))
 
-    def continuity(self) -> Array:
-        """Return the largest jump of derivatives 0 to 3 across any knot, in units of that derivative, (4,)."""
-        return np.max(self.continuity_at_knots(), axis=1)
-
     def continuity_at_knots(self) -> Array:
         """Return the jump of derivatives 0 to 3 at the right end of every piece, (4, m)."""
         width = np.diff(self.knots)

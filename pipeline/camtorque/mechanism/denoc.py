@@ -22,8 +22,9 @@ from camtorque.mechanism.kinematics import Kinematics
 from camtorque.mechanism.mounting import Mounting, assumed_roller, moving_mass
 from camtorque.records import Array
 
-AXIS_Z = np.array([0.0, 0.0, 1.0])
 AXIS_Y = np.array([0.0, 1.0, 0.0])
+REVOLUTE, PRISMATIC = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0])
+"""Joint-motion vectors p: revolute about Z at the mass centre, [e; e x d] with d = 0, and prismatic along Y1, [0; e]."""
 
 
 def cross_matrix(vector: Array) -> Array:
@@ -39,16 +40,6 @@ def twist_propagation(arm: Array) -> Array:
     matrix = np.eye(6)
     matrix[3:, :3] = cross_matrix(arm)
     return matrix
-
-
-def revolute() -> Array:
-    """Return the joint-motion vector p of a revolute joint about Z at the mass centre, [e; e x d] with d = 0."""
-    return np.concatenate([AXIS_Z, np.zeros(3)])
-
-
-def prismatic() -> Array:
-    """Return the joint-motion vector p of a prismatic joint along Y1, [0; e]."""
-    return np.concatenate([np.zeros(3), AXIS_Y])
 
 
 @dataclass(frozen=True)
@@ -92,7 +83,7 @@ def build_chain(joints: list[Array], masses: list[float], inertias: list[float])
 
 def camshaft_chain(pumps: list[PumpData]) -> Chain:
     """Return sub-system I: one link per lobe, each with the mass and inertia of its cam."""
-    return build_chain([revolute()] * len(pumps), [p.cam_mass for p in pumps], [p.cam_inertia for p in pumps])
+    return build_chain([REVOLUTE] * len(pumps), [p.cam_mass for p in pumps], [p.cam_inertia for p in pumps])
 
 
 def follower_chain(pump: PumpData, mounting: Mounting) -> Chain:
@@ -100,7 +91,7 @@ def follower_chain(pump: PumpData, mounting: Mounting) -> Chain:
     roller = assumed_roller(pump)
     follower = moving_mass(pump, mounting) - roller.mass
     # the follower does not turn; any positive inertia keeps M positive and drops out
-    return build_chain([prismatic(), revolute()], [follower, roller.mass], [roller.inertia, roller.inertia])
+    return build_chain([PRISMATIC, REVOLUTE], [follower, roller.mass], [roller.inertia, roller.inertia])
 
 
 def angular_velocity_matrix(twist: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Laws that follow a lift table point by point: cubic, quintic, and the smoothest that it could be a rounding of."""
+"""Laws that follow a lift table point by point: cubic and quintic."""
 
 from __future__ import annotations
 
@@ -6,22 +6,16 @@ import numpy as np
 
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.periodic_spline import PeriodicSplines, solve_cyclic
-from camtorque.mechanism.smoothing import smoothing_spline, table_error
-from camtorque.records import Array, CamTable, Refusal
-from camtorque.units import TURN
-
-
-def _closed(table: CamTable) -> tuple[Array, Array]:
-    """Return angle and lift with the first point repeated one revolution later."""
-    return np.append(table.theta, table.theta[0] + TURN), np.append(table.lift, table.lift[0])
+from camtorque.records import CamTable
+from camtorque.units import closed
 
 
 def _interpolant(table: CamTable, degree: int) -> CamLaw:
     """Return the periodic spline through every point; its error is that of rounding to the stated step."""
-    theta, lift = _closed(table)
+    theta, _ = closed(table.theta, table.lift)
     splines = PeriodicSplines(theta, degree)
-    normal = splines.normal(theta[:-1], np.ones(theta.size - 1))
-    coefficients = solve_cyclic(normal, splines.right_side(theta[:-1], lift[:-1]))
+    normal = splines.normal(table.theta, np.ones(table.theta.size))
+    coefficients = solve_cyclic(normal, splines.right_side(table.theta, table.lift))
     return CamLaw(theta, splines.pieces(coefficients), float(table.resolution / np.sqrt(12.0)))
 
 
@@ -36,24 +30,3 @@ def cubic_law(table: CamTable) -> CamLaw:
 def quintic_law(table: CamTable) -> CamLaw:
     """Return the periodic quintic interpolant: y'' is smooth, and the rounding still enters with 4.8 sigma / step^2."""
     return _interpolant(table, 5)
-
-
-def smoothing_law(table: CamTable) -> CamLaw:
-    """Return the smoothest periodic quintic spline of which the table could be a rounding.
-
-    Raises
-    ------
-    Refusal : the table's resolution is not positive, so that nothing says how far to smooth
-
-    Notes
-    -----
-    See `camtorque.mechanism.smoothing`; an exact table (resolution 0) calls for `quintic_law`.
-    """
-    step = table.resolution
-    if not step > 0.0:
-        raise Refusal(
-            f"lift table: resolution is {step} m, expected a positive step; state the resolution of the table"
-        )
-    theta, lift = _closed(table)
-    knots, pieces = smoothing_spline(theta, lift, step)
-    return CamLaw(knots, pieces, table_error(theta, table.lift, step))

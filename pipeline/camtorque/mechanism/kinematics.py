@@ -116,11 +116,6 @@ def path_at(y, slope, curve, base, offset, radius):  # type: ignore[no-untyped-d
     return height, lever / height, arc / height, 1.0 - arc / radius, ratio_slope, curvature
 
 
-def path_rows(lift: Array, base: float, offset: float, radius: float) -> Array:
-    """Return s, tan phi, 1 / cos phi, q, q' and kappa (6, n) from the lift with two derivatives (3, n)."""
-    return np.stack(path_at(lift[0], lift[1], lift[2], base, offset, radius))
-
-
 def kinematics(pump: PumpData, law: CamLaw, theta: Array, rotation: int = 1) -> Kinematics:
     """Return the kinematics of a pump at any cam angles.
 
@@ -136,8 +131,7 @@ def kinematics(pump: PumpData, law: CamLaw, theta: Array, rotation: int = 1) -> 
     angle = np.array(theta, dtype=np.float64)
     offset, radius = rotation * pump.follower_offset, pump.roller_radius
     lift = law.derivatives(angle, 2)
-    rows = path_rows(lift.reshape(3, -1), base_height(pump), offset, radius)
-    height, tangent, secant, ratio, ratio_slope, curvature = rows.reshape((6, *angle.shape))
+    height, tangent, secant, ratio, ratio_slope, curvature = path_at(*lift, base_height(pump), offset, radius)
     return Kinematics(
         theta=angle,
         lift=lift[0],

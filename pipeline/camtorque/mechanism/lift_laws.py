@@ -8,7 +8,8 @@ from functools import lru_cache
 import numpy as np
 
 from camtorque.mechanism.cam import CamLaw
-from camtorque.mechanism.interpolants import cubic_law, quintic_law, smoothing_law
+from camtorque.mechanism.interpolants import cubic_law, quintic_law
+from camtorque.mechanism.smoothing import smoothing_law
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.records import CamTable, Refusal
 

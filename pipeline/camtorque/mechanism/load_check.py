@@ -59,8 +59,6 @@ def load_ratio(cycles: CamCycles, rigid: RigidTorque) -> float:
     A rail, or a line behind a valve, holds its pressure when the pump has ceased to deliver, and the rigid model
     carries it on: a ratio too small for a pump is that of the angles at which the measured torque loads the cam too.
     """
-    if cycles.torque is None:
-        return math.nan
     loaded = rigid.torque > LOADED_SHARE * np.max(rigid.torque)
     modelled = float(np.mean(rigid.torque[loaded]))
     if not modelled > 0.0 or np.mean(rigid.by_cause["pressure"][loaded]) < BY_PRESSURE * modelled:
@@ -80,6 +78,8 @@ def load_findings(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -
     ------
     Refusal : the line pressure rises where the plunger does not deliver
     """
+    if cycles.torque is None:
+        return ()
     pump = recording.config.pump
     _refuse_misplaced_pressure(cycles, rigid, pump)
     sheets = [channel.calibration for channel in recording.of("torque")]
@@ -89,8 +89,6 @@ def load_findings(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -
 
 def base_findings(cycles: CamCycles, rigid: RigidTorque, zero_std: float) -> tuple[Finding, ...]:
     """Return a warning where the torque on the base circle, where only drag acts, is negative or that of no drag."""
-    if cycles.torque is None:
-        return ()
     base = on_base(rigid.lift)
     torque = cycles.mean_torque
     level, peak = float(np.mean(torque[base])) if base.any() else 0.0, float(np.max(torque))
@@ -159,8 +157,6 @@ def misplaced_text(theta: Array, pressure: Array, lift: Array) -> str:
 
 
 def _refuse_misplaced_pressure(cycles: CamCycles, rigid: RigidTorque, pump: PumpData) -> None:
-    if cycles.torque is None:
-        return
     pressure = cycles.mean_pressure
     measured = 2.0 * math.pi * abs(float(np.mean(cycles.mean_torque)))
     if pump.plunger_area * float(np.ptp(pressure)) * float(np.ptp(rigid.lift)) < LARGE_SWING * measured:

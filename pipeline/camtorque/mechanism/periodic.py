@@ -23,7 +23,7 @@ from camtorque.mechanism.collocation import gauss
 from camtorque.mechanism.mounting import PumpUnit
 from camtorque.mechanism.torque import ClosedForm, closed_form_tables
 from camtorque.records import Array
-from camtorque.units import TURN, angle_grid
+from camtorque.units import TURN, angle_grid, closed
 
 ELEMENTS, STAGES = 720, 4
 ROUNDS = 25
@@ -37,8 +37,7 @@ LONGEST = 0.2
 
 def periodic_curve(values: Array) -> CubicSpline:
     """Return a periodic interpolant of values at `angle_grid`."""
-    theta = angle_grid(values.size)
-    return CubicSpline(np.append(theta, TURN), np.append(values, values[0]), bc_type="periodic")
+    return CubicSpline(*closed(angle_grid(values.size), values), bc_type="periodic")
 
 
 @dataclass(frozen=True)

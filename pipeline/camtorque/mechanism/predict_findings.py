@@ -112,6 +112,6 @@ def cam_findings(path: Kinematics, law: CamLaw, roller: Roller, dry: bool) -> tu
             f"{steep:.2g} times the force along it; a guide friction of {limit:.2g} jams the follower on its rise"
         )
         found.append(Finding("steep_flank", "warning", text, f"{np.rad2deg(path.theta[steepest]):.1f} deg"))
-    if law.continuity()[2] > 1e-6 * np.max(np.abs(path.acceleration)):
+    if np.max(law.continuity_at_knots()[2]) > 1e-6 * np.max(np.abs(path.acceleration)):
         found.append(Finding("acceleration_jump", "warning", "the acceleration of the lift jumps: shocks at speed"))
     return tuple(found)

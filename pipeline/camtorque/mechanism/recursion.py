@@ -60,7 +60,7 @@ def sweep_follower(
 
 
 def sweep_camshaft(
-    pumps: list[PumpData], paths: list[Kinematics], sweeps: list[FollowerSweep], acceleration: list[Array]
+    pumps: list[PumpData], paths: list[Kinematics], sweeps: list[FollowerSweep], acceleration: Array
 ) -> Array:
     """Return the torque in the shaft before each lobe, drive end first, (n_pumps, n_theta) [N m]."""
     torque = np.zeros((len(pumps), paths[0].theta.size))
@@ -68,6 +68,6 @@ def sweep_camshaft(
     for i in range(len(pumps) - 1, -1, -1):
         contact_x, contact_y = paths[i].contact_point
         moment = contact_x * sweeps[i].lambda_y - contact_y * sweeps[i].lambda_x
-        carried = carried + pumps[i].cam_inertia * acceleration[i] + moment
+        carried = carried + pumps[i].cam_inertia * acceleration + moment
         torque[i] = carried
     return torque

@@ -129,8 +129,7 @@ def solve_by_recursion(units: Units, motion: ShaftMotion) -> ShaftForces:
         recursion.sweep_follower(u.pump, path, _force_along(u, path, p), motion.speed, motion.acceleration, u.mounting)
         for u, path, p in zip(units, paths, motion.pressure, strict=True)
     ]
-    pumps = [unit.pump for unit in units]
-    section = recursion.sweep_camshaft(pumps, paths, sweeps, [motion.acceleration] * len(pumps))
+    section = recursion.sweep_camshaft([unit.pump for unit in units], paths, sweeps, motion.acceleration)
     return _assemble(units, paths, sweeps, section)
 
 

@@ -12,8 +12,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.periodic_spline import PeriodicSplines, solve_cyclic
-from camtorque.records import Array
+from camtorque.records import Array, CamTable, Refusal
+from camtorque.units import closed
 
 DEGREE = 5
 PENALISED = 3
@@ -36,36 +38,41 @@ CLOSEST = 0.4
 """Least distance of knots over the mean step of the table."""
 
 
-def smoothing_spline(theta: Array, lift: Array, resolution: float) -> tuple[Array, Array]:
-    """Return the smoothest periodic quintic spline that a table could be a rounding of: knots, pieces (6, m).
+def smoothing_law(table: CamTable) -> CamLaw:
+    """Return the smoothest periodic quintic spline that a table could be a rounding of.
 
-    Parameters
-    ----------
-    theta, lift : (n + 1,) the table over one revolution, end point repeated [rad, m]
-    resolution : step to which the lift is rounded [m]
+    An exact table (resolution 0) calls for `camtorque.mechanism.interpolants.quintic_law`.
+
+    Raises
+    ------
+    Refusal : the table's resolution is not positive, so that nothing says how far to smooth
     """
+    step = table.resolution
+    if not step > 0.0:
+        raise Refusal(
+            f"lift table: resolution is {step} m, expected a positive step; state the resolution of the table"
+        )
+    theta, _ = closed(table.theta, table.lift)
     splines = PeriodicSplines(_breaks(theta), DEGREE)
-    spread = table_error(theta, lift[:-1], resolution)
-    rounded = spread <= resolution / np.sqrt(12.0)
-    held, values = (
-        _dwells(theta, lift[:-1], resolution) if rounded else (np.zeros(theta.size - 1, dtype=bool), lift[:-1])
-    )
+    spread = table_error(table)
+    rounded = spread <= step / np.sqrt(12.0)
+    held, values = _dwells(theta, table.lift, step) if rounded else (np.zeros(theta.size - 1, dtype=bool), table.lift)
     weight = np.where(held, DWELL_WEIGHT, 1.0)
-    normal, right = splines.normal(theta[:-1], weight), splines.right_side(theta[:-1], weight * values)
+    normal, right = splines.normal(table.theta, weight), splines.right_side(table.theta, weight * values)
     penalty = splines.normal(*_gauss_points(splines.breaks), PENALISED)
 
     def smoothed(logarithm: float) -> Array:
         return solve_cyclic(normal + np.exp(logarithm) * penalty, right)
 
     if np.all(held):
-        return splines.breaks, splines.pieces(smoothed(0.0))
+        return CamLaw(splines.breaks, splines.pieces(smoothed(0.0)), spread)
     error = spread * np.sqrt(max(1.0 - LOBE_NUMBERS / np.sum(~held), 0.5))
 
     def excess(logarithm: float) -> float:
-        residual = (splines.at(theta[:-1], smoothed(logarithm)) - values)[~held]
+        residual = (splines.at(table.theta, smoothed(logarithm)) - values)[~held]
         return float(np.sqrt(np.mean(residual**2))) / error - 1.0
 
-    return splines.breaks, splines.pieces(smoothed(_root(excess, -60.0, 30.0)))
+    return CamLaw(splines.breaks, splines.pieces(smoothed(_root(excess, -60.0, 30.0))), spread)
 
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:
@@ -96,19 +103,18 @@ def _gauss_points(breaks: Array) -> tuple[Array, Array]:
     return (breaks[:-1, None] + 0.5 * width * (nodes + 1.0)).ravel(), (0.5 * width * weights).ravel()
 
 
-def table_error(theta: Array, lift: Array, resolution: float) -> float:
-    """Return the standard deviation of a table's error: rounding, or its scatter where that is clearly larger.
-
-    ``theta`` repeats its first point one revolution later, ``lift`` does not.
+def table_error(table: CamTable) -> float:
+    """Return the standard deviation of a table's error [m]: rounding, or its scatter where that is clearly larger.
 
     Rounding gives resolution / sqrt(12). The scatter is read from differences of order 4 to 6, in which the lift
     itself vanishes (median absolute deviation, so that the ends of the flanks do not count); the least of the three
     counts, since what is left of the lift can only add to it. A table of uneven steps is taken at its resolution.
     """
-    rounding = float(resolution / np.sqrt(12.0))
-    if np.ptp(np.diff(theta)) > 0.01 * np.mean(np.diff(theta)):
+    rounding = float(table.resolution / np.sqrt(12.0))
+    steps = np.diff(closed(table.theta, table.lift)[0])
+    if np.ptp(steps) > 0.01 * np.mean(steps):
         return rounding
-    scatter = min(_scatter(lift, order) for order in (4, 5, 6))
+    scatter = min(_scatter(table.lift, order) for order in (4, 5, 6))
     return scatter if scatter > 2.0 * rounding else rounding
 
 

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from camtorque.mechanism.cam import CamLaw
-from camtorque.mechanism.interpolants import smoothing_law
-from camtorque.mechanism.smoothing import table_error
+from camtorque.mechanism.smoothing import smoothing_law, table_error
 from camtorque.records import Array, CamTable
 from camtorque.units import TURN
 
@@ -56,8 +55,7 @@ def spectral_law(table: CamTable) -> CamLaw:
     n = int(PIECES_PER_HARMONIC * np.ceil(corner))
     knots = theta[0] + np.arange(n + 1) * TURN / n
     derivatives = [_harmonic_sum(spectrum, harmonic, order, knots - theta[0], theta.size) for order in range(3)]
-    spread = table_error(np.append(theta, theta[0] + TURN), table.lift, table.resolution)
-    return CamLaw(knots, _quintic_pieces(TURN / n, *derivatives), spread)
+    return CamLaw(knots, _quintic_pieces(TURN / n, *derivatives), table_error(table))
 
 
 def _quintic_pieces(width: float, lift: Array, slope: Array, curve: Array) -> Array:

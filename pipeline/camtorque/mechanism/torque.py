@@ -212,7 +212,26 @@ class ClosedForm(ReadOnly):
     @property
     def causes(self) -> dict[str, Array]:
         """Cause, and each friction that there is -> (4, n_theta); they sum to the torque's table."""
-        return _causes(self.constants, self.kinematics, self.outputs["contact_y"], self.friction)
+        c, path, load = self.constants, self.kinematics, self.outputs["contact_y"]
+        y1, zero = path.velocity, np.zeros_like(path.lift)
+        ratio, slope = path.roller_ratio, path.roller_ratio_slope
+        spring = y1 * (c.preload + c.stiffness * path.lift)
+        rows = {
+            "pressure": (zero, y1 * c.area, zero, zero),
+            "spring": (spring, zero, zero, zero),
+            "inertia_follower": (zero, zero, c.mass * y1 * path.acceleration, c.mass * y1 * y1),
+            "inertia_cam": (zero, zero, zero, zero + c.cam_inertia),
+            "inertia_roller": (zero, zero, c.roller_inertia * ratio * slope, c.roller_inertia * ratio * ratio),
+            "gravity": (c.weight * y1, zero, zero, zero),
+        }
+        causes = {name: np.stack(row) for name, row in rows.items()}
+        if self.friction.none:
+            return causes
+        normal = load * path.pitch_arc / path.centre_height
+        causes["guide_friction"] = c.guide_friction * guide_share(path.tan_pressure_angle, y1) * load * y1
+        causes["bearing_friction"] = c.bearing_arm * normal
+        causes["pin_friction"] = -c.pin_arm * normal * ratio
+        return causes
 
     def evaluate(self, name: str, pressure: Array, speed: Array | float, acceleration: Array | float = 0.0) -> Array:
         """Return one output; arguments broadcast against (n_theta,), so (n_cycles, n_theta) and (n_cycles, 1) do."""
@@ -239,29 +258,6 @@ class ClosedForm(ReadOnly):
 def combine(table: Array, pressure: Array, speed: Array | float, acceleration: Array | float) -> Array:
     """Return x0 + x1 p + x2 omega^2 + x3 alpha."""
     return table[0] + table[1] * pressure + table[2] * np.square(speed) + table[3] * acceleration
-
-
-def _causes(c: Constants, path: Kinematics, load: Array, friction: Friction) -> dict[str, Array]:
-    """Return the torque tables by cause from the table of the contact load."""
-    y1, zero = path.velocity, np.zeros_like(path.lift)
-    ratio, slope = path.roller_ratio, path.roller_ratio_slope
-    spring = y1 * (c.preload + c.stiffness * path.lift)
-    rows = {
-        "pressure": (zero, y1 * c.area, zero, zero),
-        "spring": (spring, zero, zero, zero),
-        "inertia_follower": (zero, zero, c.mass * y1 * path.acceleration, c.mass * y1 * y1),
-        "inertia_cam": (zero, zero, zero, zero + c.cam_inertia),
-        "inertia_roller": (zero, zero, c.roller_inertia * ratio * slope, c.roller_inertia * ratio * ratio),
-        "gravity": (c.weight * y1, zero, zero, zero),
-    }
-    causes = {name: np.stack(row) for name, row in rows.items()}
-    if friction.none:
-        return causes
-    normal = load * path.pitch_arc / path.centre_height
-    causes["guide_friction"] = c.guide_friction * guide_share(path.tan_pressure_angle, y1) * load * y1
-    causes["bearing_friction"] = c.bearing_arm * normal
-    causes["pin_friction"] = -c.pin_arm * normal * ratio
-    return causes
 
 
 def closed_form_tables(

@@ -18,7 +18,7 @@ from camtorque.records import Array
 from camtorque.studies.case import knotted_law, peak_error, study_pressure, study_pump
 from camtorque.studies.integrators import TABLE, Shaft, collocation, load_rows, march_periodic, rhs
 from camtorque.studies.table import Chart, Choice, measured
-from camtorque.units import TURN, angle_grid
+from camtorque.units import TURN, angle_grid, closed
 
 REFERENCE_ELEMENTS, REFERENCE_STAGES = 3600, 6
 CYCLES = 4
@@ -32,10 +32,8 @@ Curve = tuple[Array, Array]
 def at_angles(theta: Array, torque: Array, *_: bool, check: Array) -> Array:
     """Return torque at checking angles from samples of one turn (any increasing angles)."""
     order = np.argsort(np.mod(theta, TURN))
-    angle, value = np.mod(theta, TURN)[order], torque[order]
-    return CubicSpline(np.append(angle, angle[0] + TURN), np.append(value, value[0]), bc_type="periodic")(
-        np.where(check < angle[0], check + TURN, check)
-    )
+    angle, value = closed(np.mod(theta, TURN)[order], torque[order])
+    return CubicSpline(angle, value, bc_type="periodic")(np.where(check < angle[0], check + TURN, check))
 
 
 def harmonic(rows: Array, shaft: Shaft) -> Curve:

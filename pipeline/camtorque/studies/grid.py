@@ -14,7 +14,7 @@ from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array
 from camtorque.studies.case import SPEED, peak_error, rounded_table, study_law, study_pressure, study_pump
 from camtorque.studies.table import Chart, Choice, Point, measured
-from camtorque.units import angle_grid
+from camtorque.units import angle_grid, closed
 
 DEFAULT = ("cubic periodic", 3600)
 GRIDS = (180, 360, 720, 1800, 3600, 7200, 18000)
@@ -26,15 +26,11 @@ LEAST = 1.0e-16
 """Errors below are drawn here: rounding of a double."""
 
 
-def _closed(theta: Array, values: Array) -> tuple[Array, Array]:
-    return np.append(theta, theta[0] + 2.0 * np.pi), np.append(values, values[0])
-
-
 INTERPOLANTS: dict[str, Callable[[Array, Array], Callable[[Array], Array]]] = {
-    "linear": lambda x, y: lambda at: np.interp(at, *_closed(x, y)),
-    "PCHIP": lambda x, y: PchipInterpolator(*_closed(x, y)),
-    "cubic periodic": lambda x, y: CubicSpline(*_closed(x, y), bc_type="periodic"),
-    "quintic": lambda x, y: make_interp_spline(*_closed(x, y), k=5, bc_type="periodic"),
+    "linear": lambda x, y: lambda at: np.interp(at, *closed(x, y)),
+    "PCHIP": lambda x, y: PchipInterpolator(*closed(x, y)),
+    "cubic periodic": lambda x, y: CubicSpline(*closed(x, y), bc_type="periodic"),
+    "quintic": lambda x, y: make_interp_spline(*closed(x, y), k=5, bc_type="periodic"),
 }
 """Curve between grid points: name -> builder."""
 
