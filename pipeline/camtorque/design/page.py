@@ -18,7 +18,7 @@ from camtorque.report.curves_svg import curves_svg
 from camtorque.report.forecast_page import TITLES, with_band
 from camtorque.report.numbers import significant, with_sign
 from camtorque.report.page import render
-from camtorque.report.svg import Scale, drawing, line, padded, text, tick_text, ticks
+from camtorque.report.svg import Scale, drawing, line, padded, text, tick_texts, ticks
 from camtorque.report.tones import CYCLE, fill, stroke
 from camtorque.units import DEGREE, TURN
 
@@ -88,12 +88,11 @@ def _family_number(front: Front, point: FrontPoint) -> int:
 
 
 def _axes(across: Scale, up: Scale, below: str, beside: str) -> list[str]:
-    places, levels = ticks(across.low, across.high), ticks(up.low, up.high)
-    parts = [line(across(v), up.start, across(v), up.stop, "grid") for v in places]
-    parts += [line(across.start, up(v), across.stop, up(v), "grid") for v in levels]
-    step_x, step_y = (float(np.diff(v)[0]) if len(v) > 1 else 1.0 for v in (places, levels))
-    parts += [text(across(v), up.start + 17.0, tick_text(v, step_x), "middle", "muted") for v in places]
-    parts += [text(across.start - 6.0, up(v) + 4.0, tick_text(v, step_y), "end", "muted") for v in levels]
+    places, levels = (tick_texts(ticks(scale.low, scale.high)) for scale in (across, up))
+    parts = [line(across(v), up.start, across(v), up.stop, "grid") for v, _ in places]
+    parts += [line(across.start, up(v), across.stop, up(v), "grid") for v, _ in levels]
+    parts += [text(across(v), up.start + 17.0, words, "middle", "muted") for v, words in places]
+    parts += [text(across.start - 6.0, up(v) + 4.0, words, "end", "muted") for v, words in levels]
     middle = 0.5 * (up.start + up.stop)
     parts.append(text(0.5 * (across.start + across.stop), up.start + 37.0, below, "middle"))
     parts.append(text(14.0, middle, beside, "middle", "ink", f'transform="rotate(-90 14 {middle:.1f})"'))
@@ -156,7 +155,7 @@ def design_page(answer: Answer, read_back: list[dict[str, float]], fitted: Seque
         prices=[(p.what, p.unit, [p.per_aim.get(name) for name in task.aims]) for p in answer.prices],
         spreads=[(label_of(name), spread) for name, spread in answer.spreads.items()],
         fitted=[(row["load"], fitted_cells(row)) for row in fitted],
-        samples=task.tolerances.samples, read_back=read_back, config_text=task.text,
+        samples=task.tolerances["samples"], read_back=read_back, config_text=task.text,
     )  # fmt: skip
 
 

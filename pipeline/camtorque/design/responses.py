@@ -70,10 +70,6 @@ def _ripple(design: Evaluated) -> tuple[Array, ...]:
     return tuple(part for total in design.shaft_torques for part in (design.peaks(total), -design.peaks(-total)))
 
 
-def _pressure_angle(design: Evaluated) -> tuple[Array, ...]:
-    return (design.peaks(np.arctan(np.abs(design.path[1]))) / DEGREE,)
-
-
 def _pressure_angle_rise(design: Evaluated) -> tuple[Array, ...]:
     rise = np.arctan(np.abs(design.path[1])) / DEGREE
     rise[PER_FLANK : 2 * PER_FLANK] = 0.0
@@ -119,22 +115,16 @@ def _delivery_angle(design: Evaluated) -> float:
     return float(np.max(np.diff(angles.reshape(ends.shape), axis=1))) / DEGREE
 
 
-def _contact(design: Evaluated, k: int) -> Array:
-    return -design.peaks(-design.solved[k].outputs["contact_normal"])
-
-
-def _friction_work(design: Evaluated, k: int) -> Array:
-    return np.array([design.phases.size * design.over_a_turn(design.friction_torques[k])])
-
-
 RESPONSES: dict[str, Response] = {
     "peak_torque_nm": Response("max", _over_loads(lambda d, k: d.peaks(d.shaft_torques[k]))),
     "torque_ripple_nm": Response("range", _ripple),
     "hertz_gpa": Response("max", _over_loads(lambda d, k: d.peaks(1e-9 * d.solved[k].hertz))),
     "side_force_n": Response("max", _over_loads(lambda d, k: d.peaks(np.abs(d.solved[k].outputs["guide"])))),
-    "contact_force_n": Response("min", _over_loads(_contact)),
-    "friction_work_j": Response("max", _over_loads(_friction_work)),
-    "pressure_angle_deg": Response("max", _pressure_angle),
+    "contact_force_n": Response("min", _over_loads(lambda d, k: -d.peaks(-d.solved[k].outputs["contact_normal"]))),
+    "friction_work_j": Response(
+        "max", _over_loads(lambda d, k: np.array([d.phases.size * d.over_a_turn(d.friction_torques[k])]))
+    ),
+    "pressure_angle_deg": Response("max", lambda d: (d.peaks(np.arctan(np.abs(d.path[1]))) / DEGREE,)),
     "pressure_angle_rise_deg": Response("max", _pressure_angle_rise),
     "velocity_mm_per_rad": Response("max", _lift(1)),
     "acceleration_mm_per_rad2": Response("max", _lift(2)),

@@ -74,20 +74,8 @@ class Limit:
 
 
 @dataclass(frozen=True)
-class Tolerances:
-    """Half widths of what the shop may be off by, in units of the names; ``samples`` cams are drawn."""
-
-    lift_um: float
-    follower_offset_mm: float
-    base_circle_radius_mm: float
-    roller_radius_mm: float
-    plunger_clearance_um: float
-    samples: int
-
-
-@dataclass(frozen=True)
 class Task:
-    """A design task, complete."""
+    """A design task, complete; ``tolerances``: key of `schema.TOLERANCES` -> value in SI."""
 
     path: Path
     text: str
@@ -98,7 +86,7 @@ class Task:
     loads: tuple[Load, ...]
     aims: tuple[str, ...]
     limits: tuple[Limit, ...]
-    tolerances: Tolerances
+    tolerances: Mapping[str, Any]
     points: int
     choose: str
     seed: int
@@ -139,7 +127,7 @@ def read_task(path: Path | str, fitted: FittedPump | None = None) -> Task:
         loads=tuple(load for table in root.tables("load") for load in loads_of(table, config, fitted)),
         aims=_aims(root.table("aims")),
         limits=_limits(root.table("limits", optional=True)),
-        tolerances=_tolerances(root.table("tolerances", optional=True)),
+        tolerances=read_values(root.table("tolerances", optional=True), TOLERANCES),
         findings=findings,
         **read_values(root.table("answer", optional=True), ANSWER),
     ))  # fmt: skip
@@ -250,13 +238,6 @@ def _limits(table: Table) -> tuple[Limit, ...]:
         inner = Table(rule, table.file, f"{table.header} {name}")
         found += [Limit(name, kind, inner.value(Key(kind, "number", "the limit", band=ANY_SIZE))) for kind in rule]
     return tuple(found)
-
-
-def _tolerances(table: Table) -> Tolerances:
-    values = read_values(table, TOLERANCES)
-    factors = {"um": 1e-6, "mm": MILLIMETRE}
-    widths = {name: value / factors[name.rpartition("_")[2]] for name, value in values.items() if name != "samples"}
-    return Tolerances(**widths, samples=values["samples"])
 
 
 def _offset_fits(task: Task) -> None:

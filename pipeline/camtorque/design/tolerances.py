@@ -9,6 +9,7 @@ import numpy as np
 
 from camtorque.design.evaluate import Evaluated
 from camtorque.design.problem import Problem
+from camtorque.design.quantities import MILLIMETRE
 from camtorque.design.responses import RESPONSES
 from camtorque.records import Array
 
@@ -32,12 +33,11 @@ class Spread:
 def spreads(problem: Problem, variables: Array, seed: int) -> Mapping[str, Spread]:
     """Return the spread of every response asked for (2.5 to 97.5 % of the drawn cams); empty without tolerances."""
     tolerances = problem.task.tolerances
-    widths = replace(tolerances, samples=0)
-    if not any(vars(widths).values()):
+    if not any(width for name, width in tolerances.items() if name != "samples"):
         return {}
     nominal = problem.evaluated(variables)
     generator = np.random.default_rng(seed)
-    drawn = [_drawn(problem, nominal, generator) for _ in range(tolerances.samples)]
+    drawn = [_drawn(problem, nominal, generator) for _ in range(tolerances["samples"])]
     found = {}
     for name in problem.names:
         values = np.array([RESPONSES[name].value(design) for design in drawn])
@@ -51,16 +51,15 @@ def spreads(problem: Problem, variables: Array, seed: int) -> Mapping[str, Sprea
 def _drawn(problem: Problem, nominal: Evaluated, generator: np.random.Generator) -> Evaluated:
     """Return the design with one draw of every tolerance, each uniform within its half width."""
     tolerances, values = problem.task.tolerances, dict(nominal.design.values)
-    offset = tolerances.follower_offset_mm * generator.uniform(-1.0, 1.0)
-    values["follower_offset_mm"] += offset
-    values["base_circle_radius_mm"] += tolerances.base_circle_radius_mm * generator.uniform(-1.0, 1.0)
-    values["roller_radius_mm"] += tolerances.roller_radius_mm * generator.uniform(-1.0, 1.0)
+    off = {name: tolerances[name] / MILLIMETRE * generator.uniform(-1.0, 1.0)
+           for name in ("follower_offset_mm", "base_circle_radius_mm", "roller_radius_mm")}  # fmt: skip
+    values |= {name: values[name] + width for name, width in off.items()}
     # the pressure acts on the mean of plunger and bore, d (d + clearance)
-    clearance = 1e-3 * tolerances.plunger_clearance_um * generator.uniform(0.0, 1.0)
+    clearance = tolerances["plunger_clearance_um"] / MILLIMETRE * generator.uniform(0.0, 1.0)
     values["plunger_diameter_mm"] *= float(np.sqrt(1.0 + clearance / values["plunger_diameter_mm"]))
     moved = Evaluated(replace(nominal.design, values=values), problem.task.config, problem.task.loads)
-    lift = nominal.lift + shifted_follower(nominal, 1e-3 * offset * problem.task.config.rotation)
-    lift[:3] += waviness(nominal.theta, 1e-6 * tolerances.lift_um, generator)
+    lift = nominal.lift + shifted_follower(nominal, 1e-3 * off["follower_offset_mm"] * problem.task.config.rotation)
+    lift[:3] += waviness(nominal.theta, tolerances["lift_um"], generator)
     return moved.with_lift(lift)
 
 
