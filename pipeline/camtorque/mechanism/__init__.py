@@ -3,7 +3,7 @@
 ::
 
     CamTable, sections -> CamLaw -> kinematics, friction -> torque -> solve_rigid -> RigidTorque
-                                    denoc, recursion   the same numbers, link by link, without friction
-                                    shaft, elastic     several pumps on one shaft, rigid or with springs
+                                    denoc              the same numbers by the matrices of the paper
+                                    shaft, elastic     several pumps on one shaft, rigid by each method, or with springs
                                     predict            a pump without a recording
 """

@@ -24,7 +24,7 @@ from camtorque.records import Array
 
 AXIS_Y = np.array([0.0, 1.0, 0.0])
 REVOLUTE, PRISMATIC = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0])
-"""Joint-motion vectors p: revolute about Z at the mass centre, [e; e x d] with d = 0, and prismatic along Y1, [0; e]."""
+"""Joint-motion vectors p: revolute about Z at the mass centre, [e; e x d] with d = 0; prismatic along Y1, [0; e]."""
 
 
 def cross_matrix(vector: Array) -> Array:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camtorque.mechanism import denoc, recursion
+from camtorque.mechanism import denoc
 from camtorque.mechanism.friction import refuse_jammed
 from camtorque.mechanism.kinematics import Kinematics, kinematics
-from camtorque.mechanism.mounting import PumpUnit
+from camtorque.mechanism.mounting import PumpUnit, assumed_roller, moving_mass
 from camtorque.mechanism.torque import OUTPUTS, constants_of, solve_lift
 from camtorque.records import Array, ReadOnly, Refusal
 
@@ -41,6 +41,19 @@ class ShaftForces(ReadOnly):
     outputs: tuple[Mapping[str, Array], ...]
 
 
+@dataclass(frozen=True)
+class FollowerForces:
+    """Forces of sub-system II in the running frame, each (n_theta,) [N]."""
+
+    lambda_x: Array
+    lambda_y: Array
+    tangential: Array
+    normal: Array
+    pin_x: Array
+    pin_y: Array
+    guide_x: Array
+
+
 Units = Sequence[PumpUnit]
 
 
@@ -55,7 +68,7 @@ def _force_along(unit: PumpUnit, path: Kinematics, pressure: Array) -> Array:
     return -(pump.spring_preload + pump.spring_stiffness * path.lift + pump.plunger_area * pressure)
 
 
-def _named(unit: PumpUnit, path: Kinematics, forces: recursion.FollowerSweep, torque: Array) -> dict[str, Array]:
+def _named(unit: PumpUnit, path: Kinematics, forces: FollowerForces, torque: Array) -> dict[str, Array]:
     """Return the outputs in space from those in the running frame."""
     turn, gravity = unit.mounting.rotation, unit.mounting.gravity
     height = unit.mounting.guide_height
@@ -92,7 +105,7 @@ def solve_by_matrix(units: Units, motion: ShaftMotion) -> ShaftForces:
     return _assemble(units, paths, sweeps, section)
 
 
-def _matrix_follower(unit: PumpUnit, path: Kinematics, pressure: Array, motion: ShaftMotion) -> recursion.FollowerSweep:
+def _matrix_follower(unit: PumpUnit, path: Kinematics, pressure: Array, motion: ShaftMotion) -> FollowerForces:
     """Return the forces of sub-system II from the two Lagrange multipliers and the free bodies."""
     chain = denoc.follower_chain(unit.pump, unit.mounting)
     inertia = denoc.inertia_wrench(chain, *denoc.follower_rates(path, motion.speed, motion.acceleration))
@@ -106,7 +119,7 @@ def _matrix_follower(unit: PumpUnit, path: Kinematics, pressure: Array, motion: 
     cosine = path.centre_height / path.pitch_arc
     sine = cosine * path.tan_pressure_angle
     lambda_x, lambda_y = multipliers.T
-    return recursion.FollowerSweep(
+    return FollowerForces(
         lambda_x=lambda_x,
         lambda_y=lambda_y,
         tangential=lambda_x * cosine + lambda_y * sine,
@@ -123,19 +136,46 @@ def _planar(x: Array, y: Array) -> Array:
 
 
 def solve_by_recursion(units: Units, motion: ShaftMotion) -> ShaftForces:
-    """Solve every pump by the sweeps of `recursion`; cost grows with the number of pumps, not with its square."""
+    """Solve every pump by one sweep outward for the motion and one inward for the forces, O(n) in the links.
+
+    No matrix is formed: N_l and N_d are applied link by link (Saha 1999), and in the plane a wrench has the entries
+    (n_z, f_x, f_y). Sub-system II is swept from the roller to the guide, sub-system I from the last lobe to the drive
+    end; cost grows with the number of pumps, not with its square.
+    """
     paths = _paths(units, motion)
-    sweeps = [
-        recursion.sweep_follower(u.pump, path, _force_along(u, path, p), motion.speed, motion.acceleration, u.mounting)
-        for u, path, p in zip(units, paths, motion.pressure, strict=True)
-    ]
-    section = recursion.sweep_camshaft([unit.pump for unit in units], paths, sweeps, motion.acceleration)
+    sweeps = [_sweep_follower(u, path, p, motion) for u, path, p in zip(units, paths, motion.pressure, strict=True)]
+    section, carried = np.zeros((len(units), motion.theta.size)), np.zeros(motion.theta.size)
+    for i in range(len(units) - 1, -1, -1):
+        contact_x, contact_y = paths[i].contact_point
+        moment = contact_x * sweeps[i].lambda_y - contact_y * sweeps[i].lambda_x
+        carried = carried + units[i].pump.cam_inertia * motion.acceleration + moment
+        section[i] = carried
     return _assemble(units, paths, sweeps, section)
 
 
-def _assemble(
-    units: Units, paths: list[Kinematics], sweeps: list[recursion.FollowerSweep], section: Array
-) -> ShaftForces:
+def _sweep_follower(unit: PumpUnit, path: Kinematics, pressure: Array, motion: ShaftMotion) -> FollowerForces:
+    """Return the forces of sub-system II link by link."""
+    pump, roller = unit.pump, assumed_roller(unit.pump)
+    gravity_x, gravity_y = unit.mounting.rotation * unit.mounting.gravity[0], unit.mounting.gravity[1]
+    # outward: follower, then roller
+    follower_rise, roller_spin = denoc.follower_rates(path, motion.speed, motion.acceleration)[1].T
+    # inward: the roller's moment about O2 gives the tangential force, the sum along Y1 the normal force
+    tangential = roller.inertia * roller_spin / pump.roller_radius
+    alone = moving_mass(pump, unit.mounting) - roller.mass
+    roller_y = roller.mass * (follower_rise - gravity_y)
+    follower_y = alone * (follower_rise - gravity_y) - _force_along(unit, path, pressure)
+    cosine = path.centre_height / path.pitch_arc
+    sine = cosine * path.tan_pressure_angle
+    normal = (roller_y + follower_y - tangential * sine) / cosine
+    lambda_x = tangential * cosine - normal * sine
+    lambda_y = normal * cosine + tangential * sine
+    pin_x = -lambda_x - roller.mass * gravity_x
+    return FollowerForces(
+        lambda_x, lambda_y, tangential, normal, pin_x, pin_y=roller_y - lambda_y, guide_x=pin_x - alone * gravity_x
+    )
+
+
+def _assemble(units: Units, paths: list[Kinematics], sweeps: list[FollowerForces], section: Array) -> ShaftForces:
     """Return the record; the share of a lobe is the step of the shaft torque across it."""
     share = section - np.concatenate([section[1:], np.zeros((1, section.shape[1]))])
     outputs = tuple(
