@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from camtorque.mechanism.interpolants import quintic_law
+from camtorque.mechanism.lift_laws import quintic_law
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.solve import solve_rigid
 from camtorque.records import CamTable

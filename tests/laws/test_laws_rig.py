@@ -12,7 +12,7 @@ from camtorque.laws.chamber import FLOW, KERNEL_UNITS, NAMES, NEVER, integrate
 from camtorque.laws.leakage import leak_flow
 from camtorque.laws.torque import cam_torque
 from camtorque.mechanism.friction import NO_FRICTION
-from camtorque.mechanism.interpolants import quintic_law
+from camtorque.mechanism.lift_laws import quintic_law
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.torque import constants_of
 from camtorque.records import CamTable

@@ -76,17 +76,7 @@ class CamLaw(ReadOnly):
         super().__post_init__()
 
     def evaluate(self, theta: Array, derivative: int = 0) -> Array:
-        """Return a derivative of the lift with respect to cam angle.
-
-        Parameters
-        ----------
-        theta : any shape, any range, any spacing [rad]
-        derivative : 0 lift [m], 1 velocity [m/rad], 2 acceleration [m/rad^2], 3 jerk [m/rad^3]
-
-        Returns
-        -------
-        array of the shape of ``theta``
-        """
+        """Return derivative 0 to 3 of the lift over cam angle [m/rad^k], at angles of any shape and range [rad]."""
         return self.derivatives(theta, derivative)[derivative]
 
     def derivatives(self, theta: Array, highest: int = 3) -> Array:

@@ -11,7 +11,7 @@ from camtorque.mechanism.kinematics import Kinematics
 from camtorque.mechanism.load_check import misplaced_text
 from camtorque.mechanism.mounting import Roller
 from camtorque.records import Array, Finding, RigidTorque
-from camtorque.units import DEGREE, RPM, TURN
+from camtorque.units import DEGREE, RPM, TURN, closed
 
 WIDEST_GAP, LARGEST_STEP = 20.0 * DEGREE, 0.2
 """Distance of two points of a pressure curve, and change over the swing, beyond which the curve between is a guess."""
@@ -24,8 +24,8 @@ def curve_findings(curve: PressureCurve | None) -> tuple[Finding, ...]:
     """Return a warning where a pressure curve jumps between distant points: what lies between is not known."""
     if curve is None or np.ptp(curve.pressure) == 0.0:
         return ()
-    gap = np.diff(np.append(curve.theta, curve.theta[0] + TURN))
-    step = np.abs(np.diff(np.append(curve.pressure, curve.pressure[0]))) / np.ptp(curve.pressure)
+    gap, change = (np.diff(values) for values in closed(curve.theta, curve.pressure))
+    step = np.abs(change) / np.ptp(curve.pressure)
     blind = (gap > WIDEST_GAP) & (step > LARGEST_STEP)
     if not blind.any():
         return ()

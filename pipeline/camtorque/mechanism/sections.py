@@ -42,14 +42,6 @@ class Section:
             raise Refusal(f"cam section {self.name}: angle is {self.angle} rad, expected more than 0; leave it out")
 
 
-def _simple_harmonic(x: Array) -> Array:
-    return 0.5 * (1.0 - np.cos(np.pi * x))
-
-
-def _cycloidal(x: Array) -> Array:
-    return x - np.sin(TURN * x) / TURN
-
-
 def _modified_sine(x: Array) -> Array:
     scale = 1.0 / (4.0 + np.pi)
     ends = scale * (np.pi * x - 0.25 * np.sin(4.0 * np.pi * x)) + np.where(x > 0.5, 4.0 * scale, 0.0)
@@ -57,20 +49,12 @@ def _modified_sine(x: Array) -> Array:
     return np.where(np.abs(x - 0.5) > 0.375, ends, middle)
 
 
-def _polynomial_345(x: Array) -> Array:
-    return x**3 * (10.0 + x * (-15.0 + 6.0 * x))
-
-
-def _polynomial_4567(x: Array) -> Array:
-    return x**4 * (35.0 + x * (-84.0 + x * (70.0 - 20.0 * x)))
-
-
 FLANKS: dict[str, Callable[[Array], Array]] = {
-    "simple_harmonic": _simple_harmonic,
-    "cycloidal": _cycloidal,
+    "simple_harmonic": lambda x: 0.5 * (1.0 - np.cos(np.pi * x)),
+    "cycloidal": lambda x: x - np.sin(TURN * x) / TURN,
     "modified_sine": _modified_sine,
-    "polynomial_345": _polynomial_345,
-    "polynomial_4567": _polynomial_4567,
+    "polynomial_345": lambda x: x**3 * (10.0 + x * (-15.0 + 6.0 * x)),
+    "polynomial_4567": lambda x: x**4 * (35.0 + x * (-84.0 + x * (70.0 - 20.0 * x))),
 }
 """Flanks from rest to rest: unit rise over unit angle."""
 

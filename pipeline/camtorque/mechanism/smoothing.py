@@ -41,7 +41,7 @@ CLOSEST = 0.4
 def smoothing_law(table: CamTable) -> CamLaw:
     """Return the smoothest periodic quintic spline that a table could be a rounding of.
 
-    An exact table (resolution 0) calls for `camtorque.mechanism.interpolants.quintic_law`.
+    An exact table (resolution 0) calls for `camtorque.mechanism.lift_laws.quintic_law`.
 
     Raises
     ------

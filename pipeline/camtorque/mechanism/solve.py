@@ -63,14 +63,14 @@ def solve_rigid(
     lost = pulls(outputs["contact_normal"])
     flights: tuple[Flight, ...] = ()
     if np.any(lost):
-        flown = is_revolution(tables.theta)
+        flown = is_revolution(run.theta)
         if flown:
             motion = (run.speed, run.acceleration)
-            airborne = fly(pump, law, tables.theta, run.pressure[0], motion, mounting)
+            airborne = fly(pump, law, run.theta, run.pressure[0], motion, mounting)
             lost, flights = lost | airborne.mask, airborne.flights
         causes = _without_contact(causes, outputs, lost, flown)
     return RigidTorque(
-        theta=tables.theta,
+        theta=tables.kinematics.theta,
         torque=outputs["torque"],
         by_cause=causes,
         forces=_forces(pump, tables, outputs),

@@ -116,18 +116,14 @@ def axial_force(c, one, load, rise, y):  # type: ignore[no-untyped-def]
 
 
 @elementwise(cache=True, error_model="numpy", fastmath={"contract", "nsz"})
-def contact_torque(c, along, across, height, slope, secant):  # type: ignore[no-untyped-def]
-    """Return the torque that lambda_y and F_t ask of the cam [N m]: y' q r_r = F_t (r_r - L) with L = s / cos phi."""
-    return along * slope + across * (c.radius - height * secant)
-
-
-@elementwise(cache=True, error_model="numpy", fastmath={"contract", "nsz"})
 def joint_forces(c, one, along, across, rise, alpha, height, slope, tangent, secant):  # type: ignore[no-untyped-def]
     """Return all of `OUTPUTS` from lambda_y and F_t; ``one`` is 0 where the factor of a load is wanted, not a force."""
     contact_x = c.turn * (across * secant - along * tangent)
     guide = one * c.weight_guide - contact_x
     rubbing = along * c.bearing_arm * secant
-    torque = c.cam_inertia * alpha + contact_torque(c, along, across, height, slope, secant) + rubbing
+    # F_t r_r q = F_t (r_r - L) with L = s / cos phi
+    contact = along * slope + across * (c.radius - height * secant)
+    torque = c.cam_inertia * alpha + contact + rubbing
     return (
         torque,
         along * secant - across * tangent,
@@ -204,14 +200,8 @@ class ClosedForm(ReadOnly):
     friction: Friction
     constants: Constants
 
-    @property
-    def theta(self) -> Array:
-        """Cam angles of the tables [rad]."""
-        return self.kinematics.theta
-
-    @property
-    def causes(self) -> dict[str, Array]:
-        """Cause, and each friction that there is -> (4, n_theta); they sum to the torque's table."""
+    def torque_by_cause(self, pressure: Array, speed: Array | float, acceleration: Array | float) -> dict[str, Array]:
+        """Return the torque of each cause, and of each friction that there is [N m]; they sum to the torque."""
         c, path, load = self.constants, self.kinematics, self.outputs["contact_y"]
         y1, zero = path.velocity, np.zeros_like(path.lift)
         ratio, slope = path.roller_ratio, path.roller_ratio_slope
@@ -225,13 +215,12 @@ class ClosedForm(ReadOnly):
             "gravity": (c.weight * y1, zero, zero, zero),
         }
         causes = {name: np.stack(row) for name, row in rows.items()}
-        if self.friction.none:
-            return causes
-        normal = load * path.pitch_arc / path.centre_height
-        causes["guide_friction"] = c.guide_friction * guide_share(path.tan_pressure_angle, y1) * load * y1
-        causes["bearing_friction"] = c.bearing_arm * normal
-        causes["pin_friction"] = -c.pin_arm * normal * ratio
-        return causes
+        if not self.friction.none:
+            normal = load * path.pitch_arc / path.centre_height
+            causes["guide_friction"] = c.guide_friction * guide_share(path.tan_pressure_angle, y1) * load * y1
+            causes["bearing_friction"] = c.bearing_arm * normal
+            causes["pin_friction"] = -c.pin_arm * normal * ratio
+        return {name: combine(table, pressure, speed, acceleration) for name, table in causes.items()}
 
     def evaluate(self, name: str, pressure: Array, speed: Array | float, acceleration: Array | float = 0.0) -> Array:
         """Return one output; arguments broadcast against (n_theta,), so (n_cycles, n_theta) and (n_cycles, 1) do."""
@@ -241,10 +230,6 @@ class ClosedForm(ReadOnly):
         """Return every output by name."""
         return {name: self.evaluate(name, pressure, speed, acceleration) for name in self.outputs}
 
-    def torque_by_cause(self, pressure: Array, speed: Array | float, acceleration: Array | float) -> dict[str, Array]:
-        """Return the share of each cause in the torque [N m]; they sum to the torque."""
-        return {name: combine(table, pressure, speed, acceleration) for name, table in self.causes.items()}
-
     def hertz(self, pressure: Array, speed: Array | float) -> Array:
         """Return the greatest Hertz pressure at constant speed [Pa], 0 without contact, nan where undercut."""
         return hertz_pressure(self.hertz_factor, self.evaluate("contact_normal", pressure, speed))
@@ -252,7 +237,7 @@ class ClosedForm(ReadOnly):
     def jump(self, pressure: Array | float = 0.0) -> ContactLoss:
         """Return the lowest constant speed at which the follower leaves the cam under this pressure."""
         table = self.outputs["contact_normal"]
-        return jump_speed(self.theta, table[0] + table[1] * pressure, table[2])
+        return jump_speed(self.kinematics.theta, table[0] + table[1] * pressure, table[2])
 
 
 def combine(table: Array, pressure: Array, speed: Array | float, acceleration: Array | float) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from camtorque.config import PumpData
 from camtorque.mechanism.cam import CamLaw
-from camtorque.mechanism.interpolants import cubic_law
+from camtorque.mechanism.lift_laws import cubic_law
 from camtorque.mechanism.sections import dwell, flank, section_law
 from camtorque.records import Array, CamTable
 from camtorque.units import BAR, DEGREE, angle_grid

@@ -13,13 +13,13 @@ from scipy.interpolate import CubicSpline
 from camtorque.align import align
 from camtorque.config import LoggerSpec, RecordingConfig, TriggerSpec
 from camtorque.ingest.raw import ArraySource
-from camtorque.mechanism.interpolants import cubic_law
+from camtorque.mechanism.lift_laws import cubic_law
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array, CamTable, Channel, Recording, SensorCalibration
 from camtorque.studies.case import SPEED, rms_error, study_law, study_pressure, study_pump
 from camtorque.studies.grid import torque_on
 from camtorque.studies.table import Outcome, StabilityMap, cell
-from camtorque.units import TURN, angle_grid
+from camtorque.units import TURN, angle_grid, closed
 
 LIMITS = (1.0e-2, 5.0e-2)
 RATE = 2.0e4
@@ -130,10 +130,7 @@ def _curves(mirrored: bool) -> tuple[CubicSpline, CubicSpline]:
         pressure = study_pressure(grid + np.deg2rad(135.0))
         law = cubic_law(CamTable(grid[::20], lift[::20], 0.0))
         torque = closed_form_tables(study_pump(), law, grid).evaluate("torque", pressure, SPEED)
-    torque_curve, pressure_curve = (
-        CubicSpline(np.append(grid, TURN), np.append(values, values[0])) for values in (torque, pressure)
-    )
-    return torque_curve, pressure_curve
+    return CubicSpline(*closed(grid, torque)), CubicSpline(*closed(grid, pressure))
 
 
 def aligned_error(damage: Damage) -> Outcome:
