@@ -81,22 +81,19 @@ def alpha_coefficients(rho):  # type: ignore[no-untyped-def]
 def _alpha_step(table, shaft, time, h, lead, rate, change, auxiliary, rho):  # type: ignore[no-untyped-def]
     """One step of generalized-alpha (Chung & Hulbert 1993; Arnold & Bruls 2007), Newton by the linear stiffness."""
     am, af, beta, gamma = alpha_coefficients(rho)
-    new = change
-    for _ in range(40):
+    new, settled, count = change, False, 0
+    while True:
         aux = ((1.0 - af) * new + af * change - am * auxiliary) / (1.0 - am)
         q = lead + h * rate + h * h * ((0.5 - beta) * auxiliary + beta * aux)
         v = rate + h * ((1.0 - gamma) * auxiliary + gamma * aux)
+        if settled or count == 40:
+            return q, v, new, aux
         _, _, inertia = _load(table, shaft[2] * (time + h) + q)
         residual = new - acceleration(table, shaft, time + h, q, v)
         scale = (1.0 - af) / (1.0 - am)
         slope = 1.0 + (shaft[0] * beta * h * h + shaft[1] * gamma * h) * scale / inertia
         new -= residual / slope
-        if abs(residual) <= 1e-10 * (1.0 + abs(new)):
-            break
-    aux = ((1.0 - af) * new + af * change - am * auxiliary) / (1.0 - am)
-    q = lead + h * rate + h * h * ((0.5 - beta) * auxiliary + beta * aux)
-    v = rate + h * ((1.0 - gamma) * auxiliary + gamma * aux)
-    return q, v, new, aux
+        settled, count = abs(residual) <= 1e-10 * (1.0 + abs(new)), count + 1
 
 
 @njit(cache=True)

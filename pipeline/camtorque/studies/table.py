@@ -139,16 +139,6 @@ Outcome = float | tuple[float, str]
 """Error on a scale that the caller chooses; with what the findings say beside the number, if anything."""
 
 
-def judge(error: float, told: str, good: float, bad: float, shown: str) -> tuple[str, str]:
-    """Return verdict and detail of a number: below ``good`` it works, below ``bad`` or told it degrades."""
-    text = f"{shown} {error:.1e}" + (f"; told: {told}" if told else "")
-    if error <= good:
-        return "works", text
-    if error <= bad or told:
-        return "degrades", text
-    return "fails silently", text
-
-
 def cell(
     condition: str,
     method: str,
@@ -159,11 +149,14 @@ def cell(
 ) -> Cell:
     """Return the verdict on one attempt; ``limits`` are the errors up to which it works and degrades.
 
-    A `Refusal` fails loudly with its text; so do the errors that numerical libraries raise.
+    What is told degrades, however large the error. A `Refusal` fails loudly with its text; so do the errors that
+    numerical libraries raise.
     """
     try:
         outcome = attempt()
     except (Refusal, ValueError, ArithmeticError) as problem:
         return Cell(condition, method, "fails loudly", str(problem).splitlines()[0], default)
     error, told = outcome if isinstance(outcome, tuple) else (outcome, "")
-    return Cell(condition, method, *judge(error, told, *limits, shown), default=default)
+    good, bad = limits
+    verdict = "works" if error <= good else "degrades" if error <= bad or told else "fails silently"
+    return Cell(condition, method, verdict, f"{shown} {error:.1e}" + (f"; told: {told}" if told else ""), default)
