@@ -44,26 +44,20 @@ def twist_propagation(arm: Array) -> Array:
 
 @dataclass(frozen=True)
 class Chain:
-    """An open serial chain: N_l (6n x 6n), N_d (6n x n), M (6n x 6n) and E (6n x 6n).
+    """An open serial chain: N = N_l N_d (6n x n), M (6n x 6n) and E (6n x 6n).
 
     The axes keep their direction and the arms are zero (links share the cam axis; the roller sits at the follower's
     reference point O2), so that none of them depends on the angle.
     """
 
-    propagation: Array
-    joint_motion: Array
+    complement: Array
     mass: Array
     coupling: Array
 
     @property
-    def complement(self) -> Array:
-        """Return N = N_l N_d, (6n x n)."""
-        return self.propagation @ self.joint_motion
-
-    @property
     def size(self) -> int:
         """Return the number of links."""
-        return self.joint_motion.shape[1]
+        return self.complement.shape[1]
 
 
 def build_chain(joints: list[Array], masses: list[float], inertias: list[float]) -> Chain:
@@ -78,7 +72,7 @@ def build_chain(joints: list[Array], masses: list[float], inertias: list[float])
         # a planar motion sees I_zz alone; the other two are set equal so that M stays positive
         mass[link, link] = np.diag([inertia] * 3 + [m] * 3)
         coupling[link, link] = np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
-    return Chain(lower, motion, mass, coupling)
+    return Chain(lower @ motion, mass, coupling)
 
 
 def camshaft_chain(pumps: list[PumpData]) -> Chain:

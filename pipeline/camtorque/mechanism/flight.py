@@ -7,8 +7,6 @@ its speed against the cam is reported, the blow itself is no part of the curves.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from camtorque.compiled import njit
@@ -18,7 +16,7 @@ from camtorque.mechanism.contact import pulls
 from camtorque.mechanism.friction import NO_FRICTION
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.torque import constants_of
-from camtorque.records import Array, Flight, Mask, ReadOnly, Refusal
+from camtorque.records import Array, Flight, Mask, Refusal
 from camtorque.units import RPM, TURN
 
 SUBSTEPS = 8
@@ -33,14 +31,6 @@ class Aloft(Refusal):
     """A speed at which the follower leaves the cam for longer, or on another shaft, than is modelled."""
 
 
-@dataclass(frozen=True)
-class Airborne(ReadOnly):
-    """All flights of a revolution, and where over the grid the follower is in the air."""
-
-    flights: tuple[Flight, ...]
-    mask: Mask
-
-
 def is_revolution(theta: Array) -> bool:
     """Tell whether angles cover one revolution in order, without wide gaps."""
     steps = np.diff(np.append(theta, theta[0] + TURN)) if theta.ndim == 1 and theta.size > 2 else np.zeros(1)
@@ -50,8 +40,8 @@ def is_revolution(theta: Array) -> bool:
 
 def fly(
     pump: PumpData, law: CamLaw, theta: Array, pressure: Array, motion: tuple[Array, Array], mounting: Mounting
-) -> Airborne:
-    """Return the flights of a follower in periodic running.
+) -> tuple[tuple[Flight, ...], Mask]:
+    """Return the flights of a follower in periodic running, and where over the grid it is in the air, (n_theta,).
 
     Parameters
     ----------
@@ -82,7 +72,7 @@ def fly(
         )
     rows = events[:count]
     flights = tuple(Flight(float(fine[int(a)]), float(fine[int(b)]), float(v), float(c.mass * v)) for a, b, v in rows)
-    return Airborne(flights, gap[::SUBSTEPS] > 0.0)
+    return flights, gap[::SUBSTEPS] > 0.0
 
 
 def _surest(force: Array) -> int:

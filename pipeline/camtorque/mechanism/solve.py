@@ -66,8 +66,8 @@ def solve_rigid(
         flown = is_revolution(run.theta)
         if flown:
             motion = (run.speed, run.acceleration)
-            airborne = fly(pump, law, run.theta, run.pressure[0], motion, mounting)
-            lost, flights = lost | airborne.mask, airborne.flights
+            flights, airborne = fly(pump, law, run.theta, run.pressure[0], motion, mounting)
+            lost = lost | airborne
         causes = _without_contact(causes, outputs, lost, flown)
     return RigidTorque(
         theta=tables.kinematics.theta,
