@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -126,3 +127,11 @@ def test_a_recording_as_load_without_a_fit_is_refused(tmp_path: Path) -> None:
     load = '[[load]]\nspeed_rpm = 900\nrecording = "A_1000rpm"\n'
     with pytest.raises(Refusal, match="found 'A_1000rpm' without a fit, expected one; name it with --from"):
         read_task(design_file(tmp_path, lift=LIFT, free=FREE, load=load, aims=AIM, pump=PUMP))
+
+
+def test_a_fitted_cam_that_carries_no_pressure_is_refused_by_the_key_of_its_recording(tmp_path: Path) -> None:
+    fitted = fitted_pump(read_known(known_fit(tmp_path)))
+    spike = SimpleNamespace(evaluate=lambda theta: np.where(theta == 0.0, 1e-3, 0.0))
+    path = design_file(tmp_path, lift=LIFT, free=FREE, load="[[load]]\nspeed_rpm = 900\n", aims=AIM, pump=PUMP)
+    with pytest.raises(Refusal, match=r"recording: its cam has no rise and return to carry it by"):
+        read_task(path, replace(fitted, law=spike))

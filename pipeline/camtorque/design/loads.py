@@ -107,7 +107,7 @@ def loads_of(table: Table, config: PumpConfig, fitted: FittedPump | None) -> lis
     if values["recording"] or (fitted is not None and not stated):
         return [_fitted_load(table, values["recording"], speed, fitted) for speed in values["speed_rpm"]]
     if values["pressure_file"] is not None:
-        curve = _carried(read_pressure_curve(values["pressure_file"]), cam_of(config), table)
+        curve = _carried(read_pressure_curve(values["pressure_file"]), cam_of(config), table.where("pressure_file"))
     else:
         curve = _trapezoid(table, values)
     return [Load(f"{speed / RPM:g} rpm", speed, *curve) for speed in values["speed_rpm"]]
@@ -124,7 +124,7 @@ def _fitted_load(table: Table, recording: str, speed: float, fitted: FittedPump 
             f"there are {', '.join(fitted.recordings)}"
         )
     stroke = fitted.stroke(recording, speed)
-    corners = _carried(stroke.pressure, fitted.law, table)
+    corners = _carried(stroke.pressure, fitted.law, where)
     theta, lift = _from_rest(fitted.law)
     rise = slice(0, int(np.argmax(lift)) + 1)
     share = np.interp(theta[rise], stroke.pressure.theta, stroke.delivering, period=2.0 * np.pi)
@@ -149,15 +149,15 @@ def _trapezoid(table: Table, values: Mapping[str, Any]) -> Corners:
     return lifts, shape, np.array([0.0, 1.0]), np.zeros(2), lifts
 
 
-def _carried(curve: PressureCurve, law: CamLaw, table: Table) -> Corners:
-    """Return a curve over the angle of a cam as pressure over lift: it belongs to the stroke."""
+def _carried(curve: PressureCurve, law: CamLaw, where: str) -> Corners:
+    """Return a curve over the angle of a cam as pressure over lift: it belongs to the stroke; ``where``: its key."""
     theta, lift = _from_rest(law)
     pressure, peak = pressure_at(curve, theta), int(np.argmax(lift))
     highest = np.minimum(lift[int(np.argmax(pressure))], lift[peak])
     grid = np.unique(np.append(np.linspace(0.0, lift[peak], 400), highest))
     rise, back = np.maximum.accumulate(lift[: peak + 1]), np.maximum.accumulate(lift[:peak:-1])
     if rise.size < 3 or back.size < 3:
-        raise Refusal(f"{table.where('pressure_file')}: its cam has no rise and return to carry it by")
+        raise Refusal(f"{where}: its cam has no rise and return to carry it by")
     up, down = (np.interp(grid, y, p) for y, p in ((rise, pressure[: peak + 1]), (back, pressure[:peak:-1])))
     return grid, up, grid, down, grid[[int(np.argmax(up))]]
 
