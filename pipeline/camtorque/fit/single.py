@@ -32,7 +32,7 @@ from camtorque.fit.uncertainty import (
     posterior_at,
     pressure_jacobian,
 )
-from camtorque.fit.valley import ANGLE, Valley, swept
+from camtorque.fit.valley import ANGLE, COMPLIANCE, Valley, stiff_valley, swept
 from camtorque.laws.chain import BINS, binned
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.process.second_process import in_two
@@ -45,7 +45,11 @@ RELAXED_SHARE = 0.5
 """Torque error there, as a share of the torque of the opening pressure."""
 PIN = "kind of the roller's pin"
 SWITCHING = "switching delay and clock of the trigger"
-BENT = "valley of the trigger angle beyond its slope at the minimum"
+BENT = {
+    ANGLE: "valley of the trigger angle beyond its slope at the minimum",
+    COMPLIANCE: "valley of the shaft's compliance beyond its slope at the minimum",
+}
+"""Parameter -> what a valley along it adds to the deviation."""
 MINIMA = 5
 """Minima that are compared at most."""
 AT_REST = 1.0e3
@@ -66,7 +70,7 @@ class FitOptions:
 
 @dataclass(frozen=True)
 class Prepared:
-    """One recording with its minima, least chi-square first, and the valley of the best one along the trigger angle.
+    """One recording with its minima, least chi-square first, and the valleys that were walked from the best one.
 
     ``other_pin`` is the best one with the less probable kind of pin.
     """
@@ -76,7 +80,7 @@ class Prepared:
     rigid: RigidTorque
     means: MeanCycles
     candidates: tuple[Candidate, ...]
-    valley: Valley
+    valleys: tuple[Valley, ...]
     measured: Array
     other_pin: OtherPin | None = None
 
@@ -135,7 +139,7 @@ def variance_of(shifts: Mapping[str, Array], size: int) -> Array:
 
 
 def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prepared:
-    """Return a recording with the minima found and how far the trigger angle moves along the valley of the best one."""
+    """Return a recording with the minima found and the valleys of the best one."""
     means = mean_cycles(cycles)
     law = spectral_law(recording.cam_table)
     data = fit_data(recording, cycles, law, means)
@@ -148,7 +152,9 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     if weighed[0] is not kept[0]:
         best, valley = swept(weighed[0], halves)
         kept = distinct([best, *weighed[1:]])
-    return Prepared(recording, cycles, rigid, means, kept, valley, data.chain.shaft_torque, other_pin)
+    stiff = stiff_valley(kept[0], halves)
+    valleys = (valley, stiff) if stiff else (valley,)
+    return Prepared(recording, cycles, rigid, means, kept, valleys, data.chain.shaft_torque, other_pin)
 
 
 def sought(halves: Halves) -> tuple[list[Candidate], Valley]:
@@ -224,8 +230,12 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     probabilities = structure_probabilities(prepared.candidates, careful.inflation)
     cov = narrowed(careful, solution)
     deviation = deviation_within(posterior_at(problem, solution, cov.matrix, cov.inflation), solution.z)
-    along = along_valley(deviation, problem.index(ANGLE), prepared.valley.std(cov.inflation))
-    shifts, pressures = {BENT: along[None]}, [pressure_moved(best, along)]
+    shifts: dict[str, Array] = {}
+    pressures: list[Array] = []
+    for valley in prepared.valleys:
+        along = along_valley(deviation, problem.index(valley.name), valley.std(cov.inflation))
+        shifts[BENT[valley.name]] = along[None]
+        pressures.append(pressure_moved(best, along))
     relaxed = relaxed_variant(best)
     shifts["what the delivery valve does as it opens"] = (relaxed.solution.z - solution.z)[None]
     pressures.append(relaxed.solution.output.pressure - solution.output.pressure)

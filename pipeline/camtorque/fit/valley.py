@@ -1,10 +1,13 @@
-"""The valley along the trigger angle: the best minimum with that angle held aside, and how wide the valley is.
+"""Valleys along the trigger angle and a stiff shaft's compliance: the best minimum with it held aside, and how wide.
 
 Trigger angle, friction and drive trade against one another along a bent valley of the residual. Its curvature at one
 point tells neither its width nor whether a deeper place lies further on, so it is walked: the angle is held, all else
 follows, both halves of the cycles judge. Where the posterior along the walk (profile likelihood; Raue et al.,
 Bioinformatics 25 (2009) 1923) is wider than the curvature says, the angle is that uncertain; narrower it may be rugged,
 and is not believed.
+
+Of a stiff shaft the torque tells little more than where it rings, which is compliance times inertia: a hyperbola, which
+looks narrow where the compliance is at its bound.
 """
 
 from __future__ import annotations
@@ -24,13 +27,16 @@ from camtorque.records import Array, ReadOnly
 from camtorque.units import DEGREE
 
 ANGLE = "trigger_offset"
-"""Parameter whose valley is walked."""
+COMPLIANCE = "shaft_compliance"
 HELD = 1.0e-9
-"""Standard deviation of an angle that is held [rad]."""
+"""Standard deviation of what is held [rad], [rad/(N m)]."""
 STEP_SHARE, STEPS_DEG = 0.6, (0.02, 0.3)
 """Step in standard deviations of the angle at the minimum, and its limits [deg]."""
 MOST_STEPS, ROUNDS = 14, 3
 A_STEP = Effort(12, gain=2.0e-3)
+STIFF, FACTOR, MOST_FACTORS = 2.0, 2.0, 7
+"""A shaft is stiff whose compliance lies that many standard deviations above its lower bound or less; it is walked by
+that factor a step, in so many steps at most."""
 WALKED = 9.0
 """Rise of chi-square at which a walk ends: three standard deviations."""
 DEEPER, GAINED = 1.0, 0.5
@@ -39,33 +45,32 @@ DEEPER, GAINED = 1.0, 0.5
 
 @dataclass(frozen=True)
 class Valley(ReadOnly):
-    """Trigger angles that were held (m,) [rad] with what they cost, and the angle of the best minimum [rad].
+    """Values of a parameter that were held (m,) [SI] with what they cost, and its value at the best minimum [SI].
 
     ``chi_square`` is that of the residual on both halves of the cycles, ``prior`` that of all parameters, (m,) each.
     """
 
-    angles: Array
+    name: str
+    places: Array
     chi_square: Array
     prior: Array
     at: float
 
     def std(self, inflation: float) -> float:
-        """Return the root mean square distance from the minimum under the posterior along the valley [rad].
+        """Return the root mean square distance from the minimum under the posterior along the valley [SI].
 
-        It is nan where the valley was not walked on both sides. ``inflation``: factor on the residual's variance.
+        It is nan where the valley was not walked. ``inflation``: factor on the residual's variance.
         """
-        if self.angles.size < 3:
+        if self.places.size < 3:
             return float("nan")
-        angles = np.linspace(self.angles[0], self.angles[-1], 50 * self.angles.size)
-        chi = np.interp(angles, self.angles, self.chi_square / inflation + self.prior)
+        between = np.linspace(self.places[0], self.places[-1], 50 * self.places.size)
+        chi = np.interp(between, self.places, self.chi_square / inflation + self.prior)
         weight = np.exp(-0.5 * (chi - np.min(chi)))
-        return float(np.sqrt(np.sum(weight * (angles - self.at) ** 2) / np.sum(weight)))
+        return float(np.sqrt(np.sum(weight * (between - self.at) ** 2) / np.sum(weight)))
 
 
 Point = tuple[float, float, Candidate]
-"""Angle that was held [rad], chi-square there with the priors, and the fit."""
-NO_VALLEY = Valley(np.zeros(0), np.zeros(0), np.zeros(0), float("nan"))
-"""Of a minimum that nobody walked from."""
+"""Value that was held [SI], chi-square there with the priors, and the fit."""
 
 
 def swept(best: Candidate, halves: Halves) -> tuple[Candidate, Valley]:
@@ -83,9 +88,27 @@ def swept(best: Candidate, halves: Halves) -> tuple[Candidate, Valley]:
         if freed is None or freed.value > best.value - GAINED:
             break
         best = freed
-    angles, values = np.array([point[:2] for point in points]).T
+    return best, _valley(ANGLE, best, points)
+
+
+def stiff_valley(best: Candidate, halves: Halves) -> Valley | None:
+    """Return the valley along the compliance of a stiff shaft, from its value up; None of one that yields enough."""
+    index, row = best.problem.index(COMPLIANCE), best.data.rows[COMPLIANCE]
+    if index < 0:
+        return None
+    at, cov = float(best.solution.z[index]), covariance(best.problem, best.solution)
+    if at > row.lower + STIFF * cov.std[index]:
+        return None
+    places = np.asarray(at * FACTOR ** np.arange(1.0, MOST_FACTORS + 1.0), dtype=np.float64)
+    rise = WALKED * cov.inflation
+    ends = _held(best, halves, COMPLIANCE, places[places < row.upper])
+    return _valley(COMPLIANCE, best, [(at, best.value, best), *_until_risen(ends, best.value, rise)])
+
+
+def _valley(name: str, best: Candidate, points: list[Point]) -> Valley:
+    places, values = np.array([point[:2] for point in points]).T
     of_data = np.array([end.solution.data_chi_square + end.unseen for _, _, end in points])
-    return best, Valley(angles, of_data, values - of_data, float(best.solution.z[best.problem.index(ANGLE)]))
+    return Valley(name, places, of_data, values - of_data, float(best.solution.z[best.problem.index(name)]))
 
 
 def _walked(best: Candidate, halves: Halves) -> list[Point]:
@@ -113,21 +136,20 @@ def _until_risen(points: Iterable[Point], least: float, rise: float) -> list[Poi
 
 def _one_way(best: Candidate, halves: Halves, rise: float, step: float) -> list[Point]:
     """Return steps away from a minimum until chi-square has risen."""
-    return _until_risen(_stepped(best, halves, step), best.value, rise)
-
-
-def _stepped(best: Candidate, halves: Halves, step: float) -> Iterator[Point]:
-    """Yield steps away from a minimum, each from the one before, with the lift correction of the minimum."""
     row = best.data.rows[ANGLE]
-    mean, std = row.prior or (0.0, np.inf)
-    angle, item = float(best.solution.z[best.problem.index(ANGLE)]), best.data
-    for _ in range(MOST_STEPS):
-        angle += step
-        if not row.lower <= angle <= row.upper:
-            return
-        there = with_rows(item, {ANGLE: {"start": angle, "prior": (angle, HELD)}})
+    places = float(best.solution.z[best.problem.index(ANGLE)]) + step * np.arange(1.0, MOST_STEPS + 1.0)
+    inside = places[(row.lower <= places) & (places <= row.upper)]
+    return _until_risen(_held(best, halves, ANGLE, inside), best.value, rise)
+
+
+def _held(best: Candidate, halves: Halves, name: str, places: Array) -> Iterator[Point]:
+    """Yield fits with a parameter held, each from the one before, with the lift correction of the minimum."""
+    mean, std = best.data.rows[name].prior or (0.0, np.inf)
+    item = best.data
+    for place in places.tolist():
+        there = with_rows(item, {name: {"start": place, "prior": (place, HELD)}})
         end = halves.minimum(at_minimum, there, A_STEP, best.solution.lift)
         if end is None:
             return
         item = end.data
-        yield angle, end.value + ((angle - mean) / std) ** 2, end
+        yield place, end.value + ((place - mean) / std) ** 2, end
