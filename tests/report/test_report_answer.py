@@ -27,7 +27,7 @@ from camtorque.report.answer import (
 from camtorque.report.document import result_document
 from camtorque.report.page import run_page
 from camtorque.report.texts import budget_rows, by_size, parameter_groups, parameter_row
-from camtorque.report.verdict import DOUBTFUL, FAR_OFF, UNUSUAL, missed_limits, unexplained_text, verdict
+from camtorque.report.verdict import DOUBTFUL, FAR_OFF, STAND_INS, UNUSUAL, missed_limits, unexplained_text, verdict
 from camtorque.report.write import write_pdf, write_run
 from report_cases import NASTY, parameter, run_result
 
@@ -72,6 +72,14 @@ def test_a_single_value_far_off_asks_to_look_closer(off: float, level: str) -> N
     head = verdict({**doc, "parameters": {**doc["parameters"], name: {**row, "value": mean + off * std}}})
     assert head["level"] == level
     assert (f"only with {FAR_OFF}: see the warnings" in head["text"]) == (level == "look")
+
+
+@pytest.mark.parametrize("name", STAND_INS)
+@pytest.mark.parametrize(("off", "level"), [(2.4, "good"), (2.6, "look")])
+def test_a_driveline_beyond_catalogues_asks_to_look_closer(name: str, off: float, level: str) -> None:
+    doc = result_document(run_result())
+    row = {**next(iter(doc["parameters"].values())), "value": off * 1000.0, "prior": [0.0, 1000.0]}
+    assert verdict({**doc, "parameters": {**doc["parameters"], name: row}})["level"] == level
 
 
 @pytest.mark.parametrize(("code", "severity", "text"), [

@@ -27,6 +27,9 @@ UNUSUAL = {
 FAR_PULLED, FAR_OFF = 3.5, "values far off what was known of them"
 """Standard deviations off what was expected from which on a single value is named so: with 50 values one bench in forty
 has one."""
+STAND_INS, BEYOND_CATALOGUES = ("drive_admittance", "coupling_compliance", "half_inertia"), 2.5
+"""What stands in for a driveline that no law here describes, and the standard deviations from which on that is named:
+drives as light, couplings as soft and hubs as heavy are in no catalogue."""
 DOUBTFUL = {
     "base_torque_negative": "a torque that is negative on the base circle",
     "base_torque_large": "a torque on the base circle that is that of no drag",
@@ -69,7 +72,8 @@ def verdict(doc: Document) -> dict[str, Any]:
 
 def unusual_values(doc: Document) -> list[str]:
     """Return that the values are unusual, in words, where no bench as expected has them."""
-    far = [FAR_OFF] if any(pull(row) > FAR_PULLED for row in doc["parameters"].values()) else []
+    limits = dict.fromkeys(STAND_INS, BEYOND_CATALOGUES)
+    far = [FAR_OFF] if any(pull(row) > limits.get(name, FAR_PULLED) for name, row in doc["parameters"].items()) else []
     return list(dict.fromkeys([*far, *(UNUSUAL[row["code"]] for row in doc["findings"] if row["code"] in UNUSUAL)]))
 
 
