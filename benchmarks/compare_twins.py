@@ -18,6 +18,7 @@ from benches import plain_parser, write_rows
 from camtorque.compare import compare_prepared
 from camtorque.fit.prepare import mean_cycles
 from camtorque.fit.single import Prepared, prepare
+from camtorque.fit.valley import NO_VALLEY
 from camtorque.laws import ROWS
 from camtorque.mechanism.lift_laws import lift_law
 from camtorque.mechanism.mounting import Mounting
@@ -77,7 +78,7 @@ def compared_side(run: RigRun, sheet: RigRun, kind: str) -> Prepared:
         config.pump, lift_law(recording.cam_table), cycles.theta, np.mean(cycles.pressure, axis=0), cycles.mean_speed,
         mounting=Mounting(rotation=config.rotation),
     )  # fmt: skip
-    return Prepared(recording, cycles, rigid, mean_cycles(cycles), (), (), np.zeros(0))
+    return Prepared(recording, cycles, rigid, mean_cycles(cycles), (), NO_VALLEY, np.zeros(0))
 
 
 def true_changes(kind: str, truth: RigTruth) -> dict[str, float]:

@@ -16,6 +16,7 @@ from camtorque.fit.changes import Attribution, attribution
 from camtorque.fit.pair import SAME_SPEED, Pair, best_pair
 from camtorque.fit.prepare import MeanCycles, mean_cycles
 from camtorque.fit.single import Prepared, prepare
+from camtorque.fit.valley import NO_VALLEY
 from camtorque.fit.verdicts import (
     Difference,
     common_attributions,
@@ -180,7 +181,7 @@ def aligned(path: Path, progress: Progress) -> Prepared:
     if report is not None:
         refuse_changed(report, recording.inputs)
     cycles = align(recording)
-    return Prepared(recording, cycles, rigid_torque(recording, cycles), mean_cycles(cycles), (), (), np.zeros(0))
+    return Prepared(recording, cycles, rigid_torque(recording, cycles), mean_cycles(cycles), (), NO_VALLEY, np.zeros(0))
 
 
 def compare_document(

@@ -13,6 +13,7 @@ from camtorque.fit.problem import FitData, build_problem, with_starts
 from camtorque.fit.single import Prepared
 from camtorque.fit.solver import lift_at, solve
 from camtorque.fit.starts import Start
+from camtorque.fit.valley import NO_VALLEY
 from camtorque.mechanism.lift_laws import lift_law
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.solve import solve_rigid
@@ -108,4 +109,4 @@ def quick_prepared(*run_key) -> Prepared:
     """Return a rig prepared from the minimum next to the truth."""
     recording, cycles, rigid = bridged(run_key)
     found = quick(run_key)
-    return Prepared(recording, cycles, rigid, mean_cycles(cycles), (found,), (), found.data.chain.shaft_torque)
+    return Prepared(recording, cycles, rigid, mean_cycles(cycles), (found,), NO_VALLEY, found.data.chain.shaft_torque)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from camtorque.fit import single
 from camtorque.fit.descent import LOOKED_BACK, Effort
@@ -12,13 +11,12 @@ from camtorque.fit.minima import at_minimum, beside
 from camtorque.fit.other_way import CAM_SIDES, GAINED, OCTAVES, SHAFTS, WAYS, driveline_turned, turned, ways
 from camtorque.fit.problem import with_rows, with_starts
 from camtorque.fit.single import AT_REST, ended, sought_again
-from camtorque.fit.valley import ANGLE, Valley
+from camtorque.fit.valley import NO_VALLEY
 from camtorque.laws import ROWS
 from camtorque.laws.driveline import cam_side_inertia
 from fit_cases import quick, quick_halves
 
 LAND = ("closed_volume", 0, 1000.0)
-NOT_WALKED = Valley(ANGLE, np.zeros(0), np.zeros(0), np.zeros(0), float("nan"))
 
 
 @pytest.fixture(scope="module")
@@ -103,18 +101,18 @@ def test_what_dissatisfies_is_sought_again_with_the_oil_up_to_the_sensor_at_rest
 
     def other_search(seen):
         asked.append(seen.fitted.rows["line_inertance"].upper)
-        return [best], NOT_WALKED
+        return [best], NO_VALLEY
 
-    monkeypatch.setattr(single, "swept", lambda item, _halves: (item, NOT_WALKED))
+    monkeypatch.setattr(single, "swept", lambda item, _halves: (item, NO_VALLEY))
     monkeypatch.setattr(single, "sought", other_search)
-    found, _ = sought_again([wrong], NOT_WALKED, halves)
+    found, _ = sought_again([wrong], NO_VALLEY, halves)
     assert asked == [AT_REST]
     assert found[0].value <= best.value + 0.1
     assert found[0].data.rows["line_inertance"].upper == ROWS["line_inertance"].upper
     assert found[1:] == [wrong]
     # what is no better changes nothing
-    monkeypatch.setattr(single, "sought", lambda _halves: ([wrong], NOT_WALKED))
-    assert sought_again([best], NOT_WALKED, halves) == ([best], NOT_WALKED)
+    monkeypatch.setattr(single, "sought", lambda _halves: ([wrong], NO_VALLEY))
+    assert sought_again([best], NO_VALLEY, halves) == ([best], NO_VALLEY)
 
 
 def test_a_descent_that_was_left_early_is_ended(best, halves):

@@ -15,6 +15,7 @@ from camtorque.fit.problem import with_starts
 from camtorque.fit.result import fitted_torque
 from camtorque.fit.ripple_order import base_circle, repeated_order
 from camtorque.fit.single import FitOptions, Prepared, fit_prepared
+from camtorque.fit.valley import NO_VALLEY
 from camtorque.ingest import read_recording
 from camtorque.laws.ripple import binned_waves, waves
 from camtorque.mechanism.spectral import spectral_law
@@ -78,7 +79,7 @@ def fitted():
         means = mean_cycles(run)
         data = replace(fit_data(recording, run, spectral_law(recording.cam_table), means), structure="land")
         near = at_minimum(with_starts(data, true_starts(rig(*RIG).truth)))
-        prepared = Prepared(recording, run, rigid, means, (near,), (), data.chain.shaft_torque)
+        prepared = Prepared(recording, run, rigid, means, (near,), NO_VALLEY, data.chain.shaft_torque)
         found.append(fitted_torque(fit_prepared(prepared, FitOptions(evidence=False)), recording, run, rigid, means))
     return found
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -32,7 +32,7 @@ from camtorque.fit.uncertainty import (
     posterior_at,
     pressure_jacobian,
 )
-from camtorque.fit.valley import ANGLE, COMPLIANCE, Valley, stiff_valley, swept
+from camtorque.fit.valley import ANGLE, Valley, softer_shaft, swept
 from camtorque.laws.chain import BINS, binned
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.process.second_process import in_two
@@ -45,11 +45,8 @@ RELAXED_SHARE = 0.5
 """Torque error there, as a share of the torque of the opening pressure."""
 PIN = "kind of the roller's pin"
 SWITCHING = "switching delay and clock of the trigger"
-BENT = {
-    ANGLE: "valley of the trigger angle beyond its slope at the minimum",
-    COMPLIANCE: "valley of the shaft's compliance beyond its slope at the minimum",
-}
-"""Parameter -> what a valley along it adds to the deviation."""
+BENT = "valley of the trigger angle beyond its slope at the minimum"
+SOFTER = "valley of a stiff shaft's compliance"
 MINIMA = 5
 """Minima that are compared at most."""
 AT_REST = 1.0e3
@@ -70,9 +67,10 @@ class FitOptions:
 
 @dataclass(frozen=True)
 class Prepared:
-    """One recording with its minima, least chi-square first, and the valleys that were walked from the best one.
+    """One recording with its minima, least chi-square first, and the valley of the best one along the trigger angle.
 
-    ``other_pin`` is the best one with the less probable kind of pin.
+    ``other_pin`` is the best one with the less probable kind of pin, ``softer_shaft`` with a stiff shaft that yields by
+    a standard deviation more.
     """
 
     recording: Recording
@@ -80,9 +78,10 @@ class Prepared:
     rigid: RigidTorque
     means: MeanCycles
     candidates: tuple[Candidate, ...]
-    valleys: tuple[Valley, ...]
+    valley: Valley
     measured: Array
     other_pin: OtherPin | None = None
+    softer_shaft: Candidate | None = None
 
 
 @dataclass(frozen=True)
@@ -139,7 +138,7 @@ def variance_of(shifts: Mapping[str, Array], size: int) -> Array:
 
 
 def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prepared:
-    """Return a recording with the minima found and the valleys of the best one."""
+    """Return a recording with the minima found and how far the trigger angle moves along the valley of the best one."""
     means = mean_cycles(cycles)
     law = spectral_law(recording.cam_table)
     data = fit_data(recording, cycles, law, means)
@@ -152,9 +151,8 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     if weighed[0] is not kept[0]:
         best, valley = swept(weighed[0], halves)
         kept = distinct([best, *weighed[1:]])
-    stiff = stiff_valley(kept[0], halves)
-    valleys = (valley, stiff) if stiff else (valley,)
-    return Prepared(recording, cycles, rigid, means, kept, valleys, data.chain.shaft_torque, other_pin)
+    softer = softer_shaft(kept[0], halves)
+    return Prepared(recording, cycles, rigid, means, kept, valley, data.chain.shaft_torque, other_pin, softer)
 
 
 def sought(halves: Halves) -> tuple[list[Candidate], Valley]:
@@ -230,21 +228,13 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     probabilities = structure_probabilities(prepared.candidates, careful.inflation)
     cov = narrowed(careful, solution)
     deviation = deviation_within(posterior_at(problem, solution, cov.matrix, cov.inflation), solution.z)
-    shifts: dict[str, Array] = {}
-    pressures: list[Array] = []
-    for valley in prepared.valleys:
-        along = along_valley(deviation, problem.index(valley.name), valley.std(cov.inflation))
-        shifts[BENT[valley.name]] = along[None]
-        pressures.append(pressure_moved(best, along))
-    relaxed = relaxed_variant(best)
-    shifts["what the delivery valve does as it opens"] = (relaxed.solution.z - solution.z)[None]
-    pressures.append(relaxed.solution.output.pressure - solution.output.pressure)
+    along = along_valley(deviation, problem.index(ANGLE), prepared.valley.std(cov.inflation))
+    shifts, pressures = {BENT: along[None]}, [pressure_moved(best, along)]
+    for source, variant, share in variants(prepared):
+        shifts[source] = share * (variant.solution.z - solution.z)[None]
+        pressures.append(share * (variant.solution.output.pressure - solution.output.pressure))
     shifts["other structures"], moved = structure_spread(prepared.candidates, probabilities)
     pressures.extend(moved)
-    if prepared.other_pin is not None:
-        other, share = prepared.other_pin.candidate.solution, math.sqrt(prepared.other_pin.probability)
-        shifts[PIN] = share * (other.z - solution.z)[None]
-        pressures.append(share * (other.output.pressure - solution.output.pressure))
     shifts[SWITCHING] = switching_shift(problem, switching_std(prepared.cycles))[None]
     odd_even = prepared.means.odd_even
     evidence: tuple[LossEvidence, ...] = ()
@@ -261,6 +251,15 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
         problem, solution, cov, deviation, shifts, np.array(pressures), prepared.candidates, probabilities, evidence,
         prepared.measured, gain,
     )  # fmt: skip
+
+
+def variants(prepared: Prepared) -> Iterator[tuple[str, Candidate, float]]:
+    """Yield other fits in the best structure: their name, and what share of their distance is a deviation."""
+    yield "what the delivery valve does as it opens", relaxed_variant(prepared.candidates[0]), 1.0
+    if prepared.other_pin is not None:
+        yield PIN, prepared.other_pin.candidate, math.sqrt(prepared.other_pin.probability)
+    if prepared.softer_shaft is not None:
+        yield SOFTER, prepared.softer_shaft, 1.0
 
 
 def pressure_moved(best: Candidate, shift: Array) -> Array:

@@ -50,7 +50,6 @@ class Valley(ReadOnly):
     ``chi_square`` is that of the residual on both halves of the cycles, ``prior`` that of all parameters, (m,) each.
     """
 
-    name: str
     places: Array
     chi_square: Array
     prior: Array
@@ -71,6 +70,8 @@ class Valley(ReadOnly):
 
 Point = tuple[float, float, Candidate]
 """Value that was held [SI], chi-square there with the priors, and the fit."""
+NO_VALLEY = Valley(np.zeros(0), np.zeros(0), np.zeros(0), float("nan"))
+"""Of a minimum that nobody walked from."""
 
 
 def swept(best: Candidate, halves: Halves) -> tuple[Candidate, Valley]:
@@ -88,11 +89,14 @@ def swept(best: Candidate, halves: Halves) -> tuple[Candidate, Valley]:
         if freed is None or freed.value > best.value - GAINED:
             break
         best = freed
-    return best, _valley(ANGLE, best, points)
+    return best, _valley(best, ANGLE, points)
 
 
-def stiff_valley(best: Candidate, halves: Halves) -> Valley | None:
-    """Return the valley along the compliance of a stiff shaft, from its value up; None of one that yields enough."""
+def softer_shaft(best: Candidate, halves: Halves) -> Candidate | None:
+    """Return the fit with a stiff shaft that is more compliant by the deviation of the valley from its value up.
+
+    It is None of a shaft that yields enough, and where the valley leads nowhere.
+    """
     index, row = best.problem.index(COMPLIANCE), best.data.rows[COMPLIANCE]
     if index < 0:
         return None
@@ -100,15 +104,19 @@ def stiff_valley(best: Candidate, halves: Halves) -> Valley | None:
     if at > row.lower + STIFF * cov.std[index]:
         return None
     places = np.asarray(at * FACTOR ** np.arange(1.0, MOST_FACTORS + 1.0), dtype=np.float64)
-    rise = WALKED * cov.inflation
     ends = _held(best, halves, COMPLIANCE, places[places < row.upper])
-    return _valley(COMPLIANCE, best, [(at, best.value, best), *_until_risen(ends, best.value, rise)])
+    points = [(at, best.value, best), *_until_risen(ends, best.value, WALKED * cov.inflation)]
+    softer = at + _valley(best, COMPLIANCE, points).std(cov.inflation)
+    if not np.isfinite(softer):
+        return None
+    nearest = max((point for point in points if point[0] <= softer), key=lambda point: point[0])[2]
+    return next((end for _, _, end in _held(nearest, halves, COMPLIANCE, np.array([softer]))), None)
 
 
-def _valley(name: str, best: Candidate, points: list[Point]) -> Valley:
+def _valley(best: Candidate, name: str, points: list[Point]) -> Valley:
     places, values = np.array([point[:2] for point in points]).T
     of_data = np.array([end.solution.data_chi_square + end.unseen for _, _, end in points])
-    return Valley(name, places, of_data, values - of_data, float(best.solution.z[best.problem.index(name)]))
+    return Valley(places, of_data, values - of_data, float(best.solution.z[best.problem.index(name)]))
 
 
 def _walked(best: Candidate, halves: Halves) -> list[Point]:
