@@ -171,6 +171,15 @@ def test_a_time_without_a_unit_is_only_taken_where_it_can_be_nothing_but_seconds
     assert item.channel.sample_rate == (None if rate is None else pytest.approx(rate))
 
 
+def test_a_range_is_printed_with_its_unit(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    file = tmp_path / "log.csv"
+    file.write_text("torque_Nm,x\n" + "".join(f"{n % 13},{n % 17}\n" for n in range(500)))
+    assert cli.main(["new", str(file)]) == 0
+    printed = capsys.readouterr().out
+    assert "0 to 12 N m\n" in printed
+    assert "0 to 16 without a unit\n" in printed
+
+
 def test_two_loggers_are_asked_for_their_clocks(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     logs = [shutil.copy(path, tmp_path) for path in sorted((EXAMPLES / "A_0750rpm").glob("*.mf4"))]
     assert cli.main(["new", *map(str, logs), "--like", str(EXAMPLES / "A_1000rpm"), "--json"]) == 0

@@ -441,6 +441,35 @@ def test_a_parquet_column_of_texts_is_told_as_that(tmp_path: Path):
             parquet.read(file, (spec(file, "", "torque"), spec(file, "", "p")), "")
 
 
+@pytest.mark.parametrize("suffix", ["parquet", "feather"])
+def test_columns_of_one_name_go_by_their_place(tmp_path: Path, suffix: str):
+    arrow = pytest.importorskip("pyarrow")
+    file = tmp_path / f"run.{suffix}"
+    columns = [arrow.array(values) for values in (TIME, 2.0 * TORQUE, TORQUE)]
+    table = arrow.table(columns, names=["time [s]", "M [Nm]", "M [Nm]"])
+    if suffix == "parquet":
+        pytest.importorskip("pyarrow.parquet").write_table(table, file)
+    else:
+        pytest.importorskip("pyarrow.feather").write_feather(table, file)
+    assert [channel.name for channel in parquet.channels(file)] == ["column 2", "column 3"]
+    assert_torque(parquet.read(file, (spec(file, "", "column 3"),), ""))
+
+
+def test_every_data_set_of_a_large_file_is_listed(tmp_path: Path):
+    file = tmp_path / "run.h5"
+    with h5py.File(file, "w") as stream:
+        stream["fs"] = RATE
+        stream.create_group("sub").create_group("fs")
+        stream["sub/p"] = TORQUE
+        for number in range(1001):
+            stream[f"a{number:04d}"] = TORQUE[:9]
+        stream["torque"] = TORQUE
+    listed = {channel.name: channel for channel in hdf5.channels(file)}
+    assert len(listed) == 1003
+    assert listed["torque"].sample_rate == RATE
+    assert listed["p"].sample_rate is None
+
+
 def test_numbers_stored_as_text_in_a_workbook_are_named(tmp_path: Path):
     book = pytest.importorskip("openpyxl").Workbook()
     for row in (

@@ -50,7 +50,7 @@ def _line(item: Proposal) -> str:
     name = f"{channel.group}/{channel.name}".strip("/")
     return printable(
         f"  {item.quantity or 'not used':20}{item.path.name:28} {name:24} {channel.n_samples:>9} samples at "
-        f"{rate:>12}, {item.low:.4g} to {item.high:.4g} {channel.unit}"
+        f"{rate:>12}, {item.low:.4g} to {item.high:.4g} {channel.unit or item.unit or 'without a unit'}"
     )
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,6 @@ COLUMN_NAMES = ("columns", "columnnames", "names", "channels", "channelnames", "
 UNIT_NAMES = ("unit", "units", "unitstring")
 SCALE_NAMES = ("scale", "slope", "factor", "scaling", "multiplier")
 """Attributes in small letters without blanks and underscores; scales that follow no convention are never applied."""
-MOST_LISTED = 1000
 MOST_COLUMNS = 64
 """A matrix of more columns, or of as many columns as rows, is no log of channels."""
 MATLAB_OBJECT = (
@@ -62,7 +62,8 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
     found: list[FileChannel] = []
     with refusing(path, "HDF5"), h5py.File(path, "r") as file:
         names = _data_sets(file)
-        for name in names[:MOST_LISTED]:
+        rates_in = cache(lambda group: _rates_in(file[group]))  # once a group of maybe thousands
+        for name in names:
             data = file[name]
             if name.startswith("#") or OBJECT_MARK in data.attrs:
                 continue  # MATLAB keeps objects below names that begin so
@@ -70,7 +71,7 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
             if sum(size != 1 for size in data.shape) != 1 and not members:
                 continue
             group, _, last = name.rpartition("/")
-            attributes = _attributes(data)
+            attributes = _attributes(data, rates_in(group or "/"))
             rate, step = _first(attributes, RATE_NAMES), _first(attributes, STEP_NAMES)
             known = float(rate) if rate is not None else 1.0 / float(step) if step else None
             for field in data.dtype.names or members or ("",):
@@ -134,7 +135,7 @@ def _channel(
     source = _source(path, data, field)
     if source.n_samples == 0:
         raise Refusal(f"{path}: data set {data.name} holds no samples")
-    attributes = _attributes(data)
+    attributes = _attributes(data, _rates_in(data.parent))
     unit = _unit(attributes, data, field)
     notes = [] if field else _scale_findings(path, data)
     stamp = _epoch(_first(attributes, STAMP_NAMES))
@@ -274,9 +275,15 @@ def _check_chunks(path: Path, data: h5py.Dataset) -> None:
         )
 
 
-def _attributes(data: h5py.Dataset) -> dict[str, Any]:
-    """Return attributes of file, groups and data set, the nearest last; a rate may be a data set of one number."""
-    found = {name: item[()] for name, item in data.parent.items() if plain(name) in RATE_NAMES and item.size == 1}
+def _rates_in(group: h5py.Group) -> dict[str, Any]:
+    """Return the rates that a group holds as data sets of one number."""
+    sets = {name: group[name] for name in group if plain(name) in RATE_NAMES}
+    return {name: item[()] for name, item in sets.items() if isinstance(item, h5py.Dataset) and item.size == 1}
+
+
+def _attributes(data: h5py.Dataset, beside: Mapping[str, Any]) -> dict[str, Any]:
+    """Return attributes of file, groups and data set, the nearest last; ``beside``: the rates of its own group."""
+    found = dict(beside)
     chain = [data]
     while chain[-1].parent.name != "/":
         chain.append(chain[-1].parent)

@@ -126,15 +126,26 @@ def _refuse_no_numbers(path: Path, layout: CsvLayout, schema: Any, specs: tuple[
 
 
 def _sources(path: Path, schema: Any, wanted: list[int]) -> dict[int, SampleSource]:
-    library, chosen = _library(path), [schema.names[number] for number in wanted]
+    library = _library(path)
     with refusing(path, "Parquet or Feather"):
-        if _is_parquet(path):
-            table = library.parquet.read_table(path, columns=chosen, page_checksum_verification=True,
-                                               read_dictionary=chosen)  # fmt: skip
-        else:
-            table = library.feather.read_table(path, columns=chosen)
-            table.validate(full=True)  # a torn header states missing values whose marks lie beyond the file
-        return {number: ArraySource(_numbers(library, table.column(n))) for n, number in enumerate(wanted)}
+        columns = _columns(path, library, schema.names, wanted)
+        return {number: ArraySource(_numbers(library, columns[number])) for number in wanted}
+
+
+def _columns(path: Path, library: Any, names: list[str], wanted: list[int]) -> dict[int, Any]:
+    """Return columns by their place, since several may share a name."""
+    if _is_parquet(path):
+        chosen = list(dict.fromkeys(names[number] for number in wanted))
+        options = {"page_checksum_verification": True, "read_dictionary": chosen}
+        with library.parquet.ParquetFile(path, **options) as file:
+            table = file.read(columns=chosen)
+        places = [number for name in chosen for number, other in enumerate(names) if other == name]
+        return dict(zip(places, table.columns, strict=True))
+    with library.memory_map(str(path)) as memory:
+        options = library.ipc.IpcReadOptions(included_fields=wanted)
+        table = library.ipc.open_file(memory, options=options).read_all()
+    table.validate(full=True)  # a torn header states missing values whose marks lie beyond the file
+    return dict(zip(sorted(wanted), table.columns, strict=True))
 
 
 def _numbers(library: Any, column: Any) -> np.ndarray:
