@@ -6,7 +6,7 @@ A limits file is the product's own, so an unknown key is refused. The quantity i
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -177,11 +177,16 @@ def overall(verdicts: Sequence[Verdict]) -> str:
     return next((word for word in (FAIL, CANNOT_TELL) if word in words), PASS)
 
 
-def refuse_unknown(documents: Sequence[Mapping[str, Any]], limits: Sequence[Limit]) -> None:
-    """Refuse a quantity that none of the results has, naming those that are alike: most likely it is misspelt."""
+def refuse_unknown(documents: Sequence[Mapping[str, Any]], limits: Sequence[Limit], parameters: Iterable[str]) -> None:
+    """Refuse a quantity that none of the results has, naming those that are alike: most likely it is misspelt.
+
+    One of ``parameters``, which no fit may have needed, is no slip; nor is what a section that is null could hold.
+    """
     known = sorted({path for document in documents for path in quantities(document)})
+    absent = [f"{name}." for document in documents for name, value in document.items() if value is None]
+    absent += [f"parameters.{name}." for name in parameters]
     for limit in limits:
-        if limit.quantity not in known:
+        if limit.quantity not in known and not limit.quantity.startswith(tuple(absent)):
             hint = did_you_mean(limit.quantity, tuple(known)) or f", expected one such as {', '.join(known[:3])}"
             raise Refusal(f"limit {limit.quantity!r}: found in no result{hint}")
 

@@ -27,10 +27,13 @@ from camtorque.fit.planning import (
     weighed,
 )
 from camtorque.fit.uncertainty import COVERAGE
+from camtorque.hashes import input_file
 from camtorque.jsonable import now as created
 from camtorque.laws import ROWS
 from camtorque.process.threads import on_one_thread
 from camtorque.records import Refusal
+from camtorque.report.files import inputs_document
+from camtorque.report.fit_file import NAME as FIT_NAME
 from camtorque.results import CAMPAIGN, NAME, read_campaign, read_result
 from camtorque.units import BAR, DECIMAL, RPM, did_you_mean, plain_unit
 from camtorque.version import __version__
@@ -99,6 +102,7 @@ def plan_runs(fit: Path | str, target: str, tooth: bool = True, speeds_rpm: Sequ
     """
     found = read_fit(Path(fit))
     known, folder, reports = found.known, found.folder, found.reports
+    inputs = inputs_document([input_file(folder / FIT_NAME)])
     loads = _loads(known)
     known = known.only([item.id for item in (*loads, _fastest(known))])
     shared = [name for name in known.names if name in ROWS and ROWS[name].role == "shared"]
@@ -116,7 +120,7 @@ def plan_runs(fit: Path | str, target: str, tooth: bool = True, speeds_rpm: Sequ
     teeth = (False, True) if tooth else (False,)
     steps = plan(known, goal.number, goal.wanted, points, DURATIONS, teeth)
     alone = weighed(known, goal.number, [Offer(point, DURATIONS[0], tooth) for tooth in teeth for point in points])
-    return _document(known, goal, steps, alone)
+    return {**_document(known, goal, steps, alone), "inputs": inputs}
 
 
 def _fastest(known: KnownFit) -> FittedAt:

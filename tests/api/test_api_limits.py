@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from camtorque import cli
 from camtorque.config.tables import Refusals
-from camtorque.limits import UNIT_OF_ENDING, Limit, judge, overall, quantities, read_limits
+from camtorque.limits import UNIT_OF_ENDING, Limit, judge, overall, quantities, read_limits, refuse_unknown
 from camtorque.records import Refusal
 from camtorque.report.write import write_run
 from camtorque.results import find_results
@@ -171,6 +171,15 @@ def test_a_quantity_that_no_report_has(tmp_path: Path, reports: Path, capsys: py
     path = limits_file(tmp_path, '[[limit]]\nquantity = "parameters.feed_presure.value"\nmax = 1\n')
     assert cli.main(["limits", str(path), str(reports)]) == 2
     assert "found in no result, did you mean 'parameters.feed_pressure.value'?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("quantity", ["chamber.peak_bar.value", "parameters.feed_pressure.value"])
+def test_what_no_fit_needed_cannot_be_told_and_is_no_slip(quantity: str) -> None:
+    limits = [Limit(quantity, None, 1.0)]
+    refuse_unknown([DOCUMENT], limits, ["feed_pressure"])
+    assert judge(DOCUMENT, limits)[0].verdict == "cannot tell"
+    with pytest.raises(Refusal, match="found in no result"):
+        refuse_unknown([DOCUMENT], [Limit("metrics.peak_bar", None, 1.0)], ["feed_pressure"])
 
 
 def test_no_report_and_foreign_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -166,6 +168,9 @@ def test_command_leaves_files_that_predict_and_check_take(tmp_path, capsys):
     assert "first guess" in printed
     document = json.loads((out / "design.json").read_text())
     assert document["schema"] == "camtorque.design/1"
+    assert {row["path"]: row["sha256"] for row in document["inputs"]} == {
+        str(file): hashlib.sha256(file.read_bytes()).hexdigest() for file in (path, PAPER)
+    }
     chosen = document["points"][document["chosen"]]["responses"]
     config, findings = read_pump(out / "pump.toml")
     assert findings == ()
@@ -178,7 +183,11 @@ def test_command_leaves_files_that_predict_and_check_take(tmp_path, capsys):
     spread = document["tolerances"]["hertz_gpa"]
     assert spread["low"] < spread["high"] < 1.1 * spread["nominal"]
     # again into the same folder: it is the product's own
-    assert main(["predict", str(out / "pump.toml"), "--speed", "500", "--pressure", str(out / "pressure_1.csv")]) == 0
+    capsys.readouterr()
+    pressure = str(out / "pressure_1.csv")
+    assert main(["predict", str(out / "pump.toml"), "--speed", "500", "--pressure", pressure, "--json"]) == 0
+    named = [Path(row["path"]).name for row in json.loads(capsys.readouterr().out)["inputs"]]
+    assert named == ["pump.toml", "cam.csv", "pressure_1.csv"]
 
 
 def test_files_of_a_design_count_from_the_start_of_the_rise_wherever_the_pump_file_begins(tmp_path):

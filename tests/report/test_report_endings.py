@@ -136,6 +136,12 @@ def test_an_ending_that_no_fitted_recording_has_lies_where_theirs_do_and_is_less
     assert f"ends at {end.value / DEGREE:.3g}" in end_text(land.ends, fit.recordings[0], fit, 500.0)[0]
 
 
+@pytest.mark.parametrize("structure", ["line", "open"])
+def test_where_no_end_was_fitted_nothing_is_said_of_it(structure: str) -> None:
+    fit = known({"a": structure})
+    assert end_text({}, fit.recordings[0], fit, 500.0) == ()
+
+
 def test_parameters_of_an_ending_that_was_not_fitted_are_drawn() -> None:
     load = Load({"spill_width": Estimate(5e-3, 1e-3)})
     mean = {"end_of_delivery": 0.8, "torque_zero": 0.0, "pressure_zero": 0.0, "spill_width": 5e-3}

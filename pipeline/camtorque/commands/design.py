@@ -16,9 +16,11 @@ from camtorque.design.page import fitted_cells, label_of, law_name
 from camtorque.design.responses import RESPONSES
 from camtorque.design_from import as_fitted, fitted_pump, read_known
 from camtorque.finished_fit import FinishedFit
+from camtorque.hashes import input_file
 from camtorque.jsonable import jsonable
 from camtorque.process.second_process import second_process
-from camtorque.report.files import write_json, write_page
+from camtorque.report.files import inputs_document, write_json, write_page
+from camtorque.report.fit_file import NAME
 from camtorque.report.folder import check_output, output_folder
 
 
@@ -41,6 +43,8 @@ def _written(answer: Answer, known: FinishedFit | None, folder: Path) -> dict[st
     read_back = write_chosen(answer.chosen.evaluated, folder)
     fitted = [] if known is None else as_fitted(known, answer, folder / TABLE)
     document = answer_document(answer, read_back, fitted)
+    fit = () if known is None else (input_file(known.folder / NAME),)
+    document["inputs"] = inputs_document((*answer.task.inputs, *fit))
     write_page(folder / "design.html", design_page(answer, read_back, fitted))
     write_json(folder / "design.json", document)
     return document

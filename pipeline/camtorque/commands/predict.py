@@ -10,12 +10,14 @@ from camtorque.commands import ERRORS, Outcome, Tell
 from camtorque.commands.arguments import METHODS
 from camtorque.commands.texts import finding_lines
 from camtorque.grid_choice import grid_note
+from camtorque.hashes import input_file
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
 from camtorque.jsonable import jsonable
 from camtorque.mechanism.flight import Aloft
 from camtorque.mechanism.predict import SAMPLES, Prediction, predict, prediction_document, sweep_rows
 from camtorque.predict_from import predict_from
 from camtorque.records import Finding, Refusal
+from camtorque.report.files import inputs_document
 from camtorque.report.folder import check_output, output_folder
 from camtorque.report.forecast_page import with_band, write_forecast
 from camtorque.report.predict_page import write_prediction
@@ -34,15 +36,17 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     _refuse_mixed(arguments)
     if arguments.fit is not None:
         return _from_fit(arguments)
-    prediction = _prediction(arguments)
+    prediction, inputs = _prediction(arguments)
     lines = finding_lines([asdict(row) for row in prediction.findings])
     wrong = {row.code for row in prediction.findings if row.severity == "error"}
     if wrong <= {LEFT_OUT}:  # torque and forces of a cam that cannot be made are those of nothing
         lines += _table(prediction)
     if arguments.out is not None:
-        write_prediction(prediction, arguments.pump.stem, arguments.out)
+        write_prediction(prediction, inputs, arguments.pump.stem, arguments.out)
         lines.append(str(arguments.out / "predict.html"))
-    return Outcome("\n".join(lines), jsonable(prediction_document(prediction)), ERRORS if wrong else 0)
+    return Outcome(
+        "\n".join(lines), jsonable({**prediction_document(prediction), "inputs": inputs}), ERRORS if wrong else 0
+    )
 
 
 def _refuse_mixed(arguments: argparse.Namespace) -> None:
@@ -82,9 +86,12 @@ def _from_fit(arguments: argparse.Namespace) -> Outcome:
     return Outcome("\n".join(lines), found.document)
 
 
-def _prediction(arguments: argparse.Namespace) -> Prediction:
+def _prediction(arguments: argparse.Namespace) -> tuple[Prediction, list[dict[str, str]]]:
+    """Return the prediction, and the files that it was made of."""
     config, notes = read_pump(arguments.pump)
     pressure = None if arguments.pressure is None else read_pressure_curve(arguments.pressure)
+    files = dict.fromkeys((arguments.pump, config.pump.cam_table_path, arguments.pressure))
+    inputs = inputs_document(input_file(file) for file in files if file is not None)
     n_theta = SAMPLES
     if arguments.tolerance is not None:
         n_theta, note = grid_note(arguments.tolerance)
@@ -95,7 +102,7 @@ def _prediction(arguments: argparse.Namespace) -> Prediction:
         return predict(config, speeds, pressure, n_theta=n_theta, method=arguments.method or METHODS[0])
 
     prediction, left_out = _what_lands(at, speeds)
-    return replace(prediction, findings=(*notes, *left_out, *prediction.findings))
+    return replace(prediction, findings=(*notes, *left_out, *prediction.findings)), inputs
 
 
 def _what_lands(

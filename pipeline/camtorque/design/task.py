@@ -19,8 +19,9 @@ from camtorque.design.profile import BSPLINE, LAWS, Family
 from camtorque.design.quantities import LOBE, MILLIMETRE, PUMP_FIELDS, QUANTITIES, phase_name
 from camtorque.design.responses import EQUAL, MOST, RESPONSES
 from camtorque.design.schema import ANSWER, ANY_SIZE, DESIGN_SCHEMA, LIFT, TOLERANCES, TOP, read_values
+from camtorque.hashes import input_file
 from camtorque.ingest.pump_file import read_pump
-from camtorque.records import Array, Finding, Refusal
+from camtorque.records import Array, Finding, InputFile, Refusal
 from camtorque.units import DEGREE, expected_one_of
 
 Value = TypeVar("Value", float, Array)
@@ -92,6 +93,7 @@ class Task:
     seed: int
     starts: int
     findings: tuple[Finding, ...]
+    inputs: tuple[InputFile, ...]
 
 
 def read_task(path: Path | str, fitted: FittedPump | None = None) -> Task:
@@ -115,6 +117,8 @@ def read_task(path: Path | str, fitted: FittedPump | None = None) -> Task:
         config = replace(config, friction=fitted.friction)
     lift, free = root.table("lift", optional=True), root.table("free", optional=True)
     shape = read_values(lift, LIFT, "law")
+    loads = root.tables("load")
+    curves = [file.parent / name for table in loads if (name := table.values.get("pressure_file")) is not None]
     fixed = _lobe_values(config, lift, shape, free)
     variables = _variables(free, fixed, len(config.phases))
     return _checked(Task(
@@ -124,13 +128,18 @@ def read_task(path: Path | str, fitted: FittedPump | None = None) -> Task:
         families=_families(lift, shape),
         fixed=fixed,
         variables=variables,
-        loads=tuple(load for table in root.tables("load") for load in loads_of(table, config, fitted)),
+        loads=tuple(load for table in loads for load in loads_of(table, config, fitted)),
         aims=_aims(root.table("aims")),
         limits=_limits(root.table("limits", optional=True)),
         tolerances=read_values(root.table("tolerances", optional=True), TOLERANCES),
         findings=findings,
+        inputs=_inputs(file, config.path, config.pump.cam_table_path, top["fit"], *curves),
         **read_values(root.table("answer", optional=True), ANSWER),
     ))  # fmt: skip
+
+
+def _inputs(*files: Path | None) -> tuple[InputFile, ...]:
+    return tuple(input_file(file) for file in dict.fromkeys(files) if file is not None)
 
 
 def _families(table: Table, shape: Mapping[str, Any]) -> tuple[Family, ...]:

@@ -101,6 +101,9 @@ def assumptions(known: KnownFit, source: FittedAt, load: str, clearance: str, ot
 def end_text(ends: Mapping[str, Estimate], source: FittedAt, known: KnownFit, speed_rpm: float) -> tuple[str, ...]:
     """Return where delivery was taken to end, and how well that is known."""
     units = {"end_of_delivery": (DEGREE, "deg of cam angle"), "spill_lift": (1e-3, "mm of lift")}
+    found = [(ends[name], per, unit) for name, (per, unit) in units.items() if name in ends]
+    if not found:  # of a structure whose delivery ends nowhere
+        return ()
     alike = any(item.structure == source.structure for item in known.recordings)
     kind = ENDED_BY[source.structure]
     how = (
@@ -109,7 +112,6 @@ def end_text(ends: Mapping[str, Estimate], source: FittedAt, known: KnownFit, sp
         f"by {kind}, as no fitted recording does: where the line pressure looks as it does at their ends; how sharply "
         "is as unsure as before any fit"
     )  # fmt: skip
-    found = [(ends[name], per, unit) for name, (per, unit) in units.items() if name in ends]
     return tuple(
         f"Delivery at {speed_rpm:g} rpm ends at {end.value / per:.3g} ± {2.0 * end.stderr / per:.2g} {unit}, {how}."
         for end, per, unit in found

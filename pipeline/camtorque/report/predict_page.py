@@ -151,8 +151,8 @@ def prediction_page(prediction: Prediction, title: str) -> str:
     )  # fmt: skip
 
 
-def write_prediction(prediction: Prediction, title: str, target: Path) -> None:
+def write_prediction(prediction: Prediction, inputs: list[dict[str, str]], title: str, target: Path) -> None:
     """Write predict.json and predict.html of a pump; ``target`` appears whole or not at all."""
     with output_folder(target, "predict.json") as folder:
         write_page(folder / "predict.html", prediction_page(prediction, title))
-        write_json(folder / "predict.json", prediction_document(prediction))
+        write_json(folder / "predict.json", {**prediction_document(prediction), "inputs": inputs})
