@@ -95,7 +95,7 @@ def test_unknown_unit(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
         ("run r --n-theta 12", "--n-theta: found '12', expected a whole number from 600"),
         ("run r --n-theta 7.5", "--n-theta: found '7.5', expected a whole number"),
         ("campaign d --out o --workers 0", "--workers: found '0', expected a whole number from 1"),
-        ("predict p --speed -5", "--speed: found '-5', expected a number above 0"),
+        ("predict p --speed -5", "--speed: found '-5', expected a number above 0 to 30000 rpm"),
         ("predict p --speed fast", "--speed: found 'fast'"),
     ],
 )

@@ -224,6 +224,12 @@ def test_two_clipped_humps_as_far_apart_as_they_are_long_are_clipped() -> None:
     assert clipped_samples(volts, 4.0) == 60
 
 
+def test_a_top_that_is_longer_than_what_was_before_it_is_clipped() -> None:
+    rise = np.linspace(0.0, 4.0, 40, endpoint=False)
+    assert damage_of(np.r_[rise, np.full(300, 4.0), rise[::-1], np.zeros(900)], -10.0, 10.0)[3] == 300
+    assert damage_of(np.r_[np.full(300, 4.0), rise[::-1], np.zeros(900)], -10.0, 10.0)[3] == 0
+
+
 @pytest.mark.parametrize("name", ["A_0300rpm", "A_0500rpm", "A_0750rpm", "A_1000rpm", "A_1250rpm"])
 def test_a_trigger_that_pulses_as_long_as_all_logs_run_did_not_fall_silent(name: str) -> None:
     recording = read_recording(Path(__file__).resolve().parents[2] / "raw_examples" / name)

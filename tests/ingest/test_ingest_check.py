@@ -5,11 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from camtorque import cli
 from camtorque.align import align
 from camtorque.ingest import check, read_recording, summarise
 from camtorque.signal import scan
 from camtorque.signal.scan import isolated_samples, scan_channel
-from damaged.logs import Plan, clean_log, write_folder
+from damaged.logs import CALIBRATION, Plan, clean_log, write_folder
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -151,6 +152,22 @@ def test_a_speed_far_from_nominal_is_told(tmp_path: Path):
     folder = write_folder(tmp_path / "r", [LOG], Plan("hdf5"), rpm=300.0)
     codes = {finding.code for finding in summarise(read_recording(folder)).findings}
     assert "speed_off_nominal" in codes
+
+
+def test_a_column_without_a_number_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    rows = [f"{n / 1000:.3f},nan,{n % 9},{5 * (n % 100 < 3)}" for n in range(3000)]
+    (tmp_path / "log.csv").write_text("\n".join(["time [s],torque [Nm],pressure [bar],trigger [V]", *rows]) + "\n")
+    folder = CALIBRATION.parent / "raw_examples" / "A_1250rpm"
+    text = (folder / "recording.toml").read_text().replace("../../calibration", CALIBRATION.as_posix())
+    head, _, _ = text.partition("[sensors")
+    channels = [("torque", "N m"), ("pressure", "bar"), ("trigger", "V")]
+    tail = "".join(
+        f'[[channels]]\nquantity = "{name}"\nfile = "log.csv"\ngroup = ""\nchannel = "{name}"\nunit = "{unit}"\n'
+        "sample_rate_hz = 1000.0\n" for name, unit in channels
+    )  # fmt: skip
+    (tmp_path / "recording.toml").write_text(f"{head}[sensors.torque]\n[sensors.pressure]\n{tail}")
+    assert cli.main(["check", str(tmp_path)]) == 2
+    assert "the channel holds no number at all" in capsys.readouterr().out
 
 
 def test_missing_pulses_are_no_other_speed(tmp_path: Path):

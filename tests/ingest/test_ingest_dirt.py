@@ -144,6 +144,17 @@ def test_a_first_thousand_far_below_is_no_decimal(tmp_path: Path, monkeypatch: p
     assert [finding.code for finding in raw.findings] == ["csv_cells_damaged"]
 
 
+def test_a_header_that_hides_the_numbers_is_named(tmp_path: Path):
+    above = [f"# key {number}: a remark of some length" for number in range(9000)]
+    with pytest.raises(Refusal, match=r"no row of numbers in its first \d+ lines.*shorten what stands above"):
+        log(tmp_path, *above, "Time [s];Torque;Pressure", *rows())
+
+
+def test_one_sample_is_no_log(tmp_path: Path):
+    with pytest.raises(Refusal, match="found 1 sample with a time, expected at least 2; record longer"):
+        log(tmp_path, "Time [s];Torque;Pressure", *rows()[:1])
+
+
 def test_rows_between_blanks_that_run_together_are_told(tmp_path: Path):
     body = [row.partition(" ")[2] for row in rows(" ")]
     body[10] += " " + body.pop(11)

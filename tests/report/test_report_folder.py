@@ -14,6 +14,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from camtorque.commands.run import default_out
 from camtorque.records import Refusal
 from camtorque.report.folder import check_output, output_files, output_folder
 
@@ -31,6 +32,14 @@ def target(tmp_path: Path) -> Path:
 
 def left(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
+
+
+def test_links_in_a_circle_are_named(tmp_path: Path) -> None:
+    (tmp_path / "a").symlink_to(tmp_path / "b")
+    (tmp_path / "b").symlink_to(tmp_path / "a")
+    with pytest.raises(Refusal, match=r"found links in a circle at .*, expected folders; choose another name"):
+        check_output(tmp_path / "a" / "out", "result.json")
+    assert default_out(tmp_path / "a").name == "a"
 
 
 def test_two_runs_into_one_folder(target: Path) -> None:

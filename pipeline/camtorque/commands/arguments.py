@@ -21,8 +21,8 @@ LEAST_GRID, LARGEST_GRID = 600, 36000
 """Points of the angle grid; a test holds the least to what the fit needs."""
 
 
-def number(low: float, high: float = float("inf"), above: bool = False) -> Callable[[str], float]:
-    """Return a reader of numbers from ``low`` (``above``: greater than it) to ``high``."""
+def number(low: float, high: float = float("inf"), above: bool = False, unit: str = "") -> Callable[[str], float]:
+    """Return a reader of numbers from ``low`` (``above``: greater than it) to ``high``, in a unit if they have one."""
 
     def read(text: str) -> float:
         try:
@@ -30,7 +30,8 @@ def number(low: float, high: float = float("inf"), above: bool = False) -> Calla
         except ValueError:
             value = float("nan")
         if not (low < value <= high if above else low <= value <= high):
-            raise argparse.ArgumentTypeError(f"found {text!r}, expected a number {_range(low, high, above)}")
+            band = f"{_range(low, high, above)} {unit}".strip()
+            raise argparse.ArgumentTypeError(f"found {text!r}, expected a number {band}")
         return value
 
     return read
@@ -72,7 +73,7 @@ def out(otherwise: str = "") -> dict[str, Option]:
     return {"--out": option("DIR", text, required=not otherwise)}
 
 
-SPEED = number(0.0, FASTEST_RPM, above=True)
+SPEED = number(0.0, FASTEST_RPM, above=True, unit="rpm")
 RECORDING = {"recording": option("RECORDING", "folder with recording.toml, or that file")}
 RESULTS = {"results": option("RESULT", "result.json, its folder, or a folder with reports below it", nargs="+")}
 GRID = {"--n-theta": option("N", "points of the angle grid (default 3600)", whole(LEAST_GRID, LARGEST_GRID))}
@@ -127,12 +128,12 @@ ARGUMENTS: dict[str, dict[str, Option]] = {
     },
     "watch": {
         "folder": option("FOLDER", "recording whose CSV files grow, or folder in which finished recordings appear"),
-        "--every": option("S", "seconds between looks (default 2)", number(0.1, 3600.0), default=2.0),
+        "--every": option("S", "seconds between looks (default 2)", number(0.1, 3600.0, unit="s"), default=2.0),
         "--block": option("CYCLES", "new cycles of a block (default 20)", whole(2, 100000), default=20),
         "--enough": option("PERCENT", "noise of the mean torque that is small enough, percent of its peak (default "
-                           "0.1)", number(0.0, 10.0, above=True), default=0.1),
+                           "0.1)", number(0.0, 10.0, above=True, unit="%"), default=0.1),
         "--until-enough": flag("stop when there are enough cycles"),
-        "--seconds": option("S", "stop after that time", number(0.0), default=float("inf")),
+        "--seconds": option("S", "stop after that time", number(0.0, unit="s"), default=float("inf")),
     },
     "limits": {"file": option("LIMITS", "bands, see docs/limits.md"), **RESULTS},
     "export": {

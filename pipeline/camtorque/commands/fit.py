@@ -37,8 +37,11 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
 def _refuse_unknown(names: list[str], parameters: lmfit.Parameters) -> None:
     for name in names:
         if name not in parameters or not parameters[name].vary:
-            hint = did_you_mean(name, tuple(parameters))
-            raise Refusal(f"--intervals: {name!r} is not a varying parameter of this fit{hint}")
+            free = [other for other in parameters if parameters[other].vary]
+            raise Refusal(
+                f"--intervals: {name!r} is not a varying parameter of this fit{did_you_mean(name, free)}; there are "
+                f"{', '.join(free)}"
+            )
 
 
 def _document(result: Any, intervals: Any) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 
 from camtorque.commands import OUTSIDE, Outcome, Tell
@@ -33,5 +34,5 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
 
 def default_out(recording: Path) -> Path:
     """Return ``reports/NAME``; NAME is the folder that holds recording.toml."""
-    folder = recording.resolve()
+    folder = Path(os.path.realpath(recording))
     return Path("reports") / (folder.parent if recording.suffix == ".toml" else folder).name

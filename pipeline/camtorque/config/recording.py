@@ -49,7 +49,8 @@ def load_recording_config(path: Path) -> RecordingConfig:
     check_schema(values, file, RECORDING_SCHEMA)
     problems = Problems()
     single = {name: _one(root, name, problems) for name in ("recording", "pump", "trigger", "fluid", "drive")}
-    loggers, channels, sensors = _loggers(root, problems), _channels(root, problems), _sensors(root, problems)
+    channels, sensors = _channels(root, problems), _sensors(root, problems)
+    loggers = _loggers(root, any(table.get("logger") for table in channels), problems)
     problems.raise_any()
     left_out = [table for table in channels if not table.pop("used")]
     channels = [table for table in channels if table not in left_out]
@@ -91,8 +92,8 @@ def _one(root: Table, name: str, problems: Problems) -> dict[str, Any]:
     return {}
 
 
-def _loggers(root: Table, problems: Problems) -> tuple[LoggerSpec, ...]:
-    if not root.has("loggers"):
+def _loggers(root: Table, are_named: bool, problems: Problems) -> tuple[LoggerSpec, ...]:
+    if not root.has("loggers") and not are_named:
         return (ONLY_LOGGER,)
     loggers = []
     with problems.collecting():

@@ -211,7 +211,9 @@ class Table:
 
     def tables(self, name: str) -> list[Table]:
         """Return the tables of an array of tables, at least one."""
-        value = self.values.get(name, [])
+        value = self.values.get(name)
+        if value is None:
+            raise Refusal(f"{self.file}: the table [[{name}]] is missing{did_you_mean(name, [*self.values], 'is it')}")
         if not isinstance(value, list) or not value or not all(isinstance(item, dict) for item in value):
             raise Refusal(f"{self.file}: expected at least one [[{name}]] table, found {_shown(value)}")
         return [Table(item, self.file, f"[[{name}]] no. {number}") for number, item in enumerate(value, start=1)]

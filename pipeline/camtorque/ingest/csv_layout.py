@@ -124,10 +124,11 @@ def sniff(path: Path, wanted: tuple[str, ...]) -> CsvLayout:
     head = b"".join(islice(text_pieces(path, SNIFF_BYTES), 3))[:SNIFF_BYTES]
     encoding = encoding_of(head)
     raw_lines = head.split(b"\n")
-    if len(head) == SNIFF_BYTES:
+    has_more = len(head) == SNIFF_BYTES
+    if has_more:
         raw_lines = raw_lines[:-1] or raw_lines
     lines = [line.decode(encoding, errors="replace").rstrip("\r") for line in raw_lines]
-    table = _below_names(lines, find_table(path, lines), wanted)
+    table = _below_names(lines, find_table(path, lines, has_more), wanted)
     header = lines[: table.first]
     body = [split_row(line, table.separator) for line in lines[table.usual : table.usual + SNIFF_LINES]]
     row = [field * (column not in table.words) for column, field in enumerate(_first_fields(body))]

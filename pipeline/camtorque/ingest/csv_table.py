@@ -59,8 +59,8 @@ class Table:
     words: frozenset[int] = frozenset()
 
 
-def find_table(path: Path, lines: list[str]) -> Table:
-    """Return the table that explains most lines.
+def find_table(path: Path, lines: list[str], has_more: bool) -> Table:
+    """Return the table that explains most lines; ``has_more``: the file goes on below them.
 
     Raises
     ------
@@ -74,6 +74,8 @@ def find_table(path: Path, lines: list[str]) -> Table:
         if len(lines) == 1 and _best_table(lines[0].split("\r")[:SNIFF_LINES]):
             what = "no line end but CR alone, as a CSV for Macintosh has"
         what += _odd_field(lines[:SNIFF_LINES])
+        if has_more:
+            what += f" in its first {len(lines)} lines, none is looked for below: shorten what stands above the numbers"
         raise Refusal(
             f"{path}: holds {what}; expected columns of numbers separated by one of {', '.join(NAMES.values())}"
         )

@@ -23,10 +23,12 @@ UNUSED = 0.02
 
 def range_findings(sheet: SensorCalibration, peak: float, *, is_loaded: bool) -> list[Finding]:
     """Return a warning where the largest value of a channel does not suit the nominal range that its sheet states."""
+    if not peak > 0.0:  # a channel without a number has no range of its own either
+        return []
     share = peak / sheet.largest_reading
     if share > OVERLOAD:
         code, why = "beyond_nominal_range", "at most 100 %: accuracy and linearity of the sheet do not hold there"
-    elif is_loaded and 0.0 < share < UNUSED:
+    elif is_loaded and share < UNUSED:
         code, why = "far_below_nominal_range", f"{100.0 * UNUSED:g} % or more under load: class and noise would hide it"
     else:
         return []

@@ -199,11 +199,11 @@ def _known_of(like: Path | None, folder: Path) -> dict[str, dict[str, Any]]:
 
 
 def _relative(path: Path, folder: Path) -> str:
-    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+    return Path(os.path.relpath(os.path.realpath(path), os.path.realpath(folder))).as_posix()
 
 
 def _recording(folder: Path, wheel: Wheel | None) -> dict[str, Any]:
-    values: dict[str, Any] = {"id": folder.resolve().name or "recording", "pump_id": UNKNOWN}
+    values: dict[str, Any] = {"id": Path(os.path.realpath(folder)).name or "recording", "pump_id": UNKNOWN}
     if wheel is not None and 60.0 * wheel.speed <= FASTEST:
         values["nominal_speed_rpm"] = round(60.0 * wheel.speed, 1)
     return values

@@ -166,7 +166,8 @@ def _usual_step(times: SampleSource, where: str, to_seconds: float) -> tuple[flo
     stamps = times.read(0, min(times.n_samples, BLOCK)) * to_seconds
     stamps = stamps[np.isfinite(stamps)]
     if stamps.size < 2:
-        raise Refusal(f"{where}: {times.n_samples} samples with a time, expected at least 2")
+        found = counted(stamps.size, "sample", "samples")
+        raise Refusal(f"{where}: found {found} with a time, expected at least 2; record longer")
     steps = np.diff(stamps)
     step = float(np.median(steps))
     if not step > 0.0:

@@ -18,6 +18,7 @@ ADVICE = {
     errno.EROFS: "choose a place that can be written",
     errno.EACCES: "check its permissions or choose another place",
     errno.EPERM: "check its permissions or choose another place",
+    errno.ELOOP: "its links run in a circle; choose another place",
     errno.ENAMETOOLONG: "choose a shorter name",
     errno.ENOTDIR: "one of its parents is a file; choose another place",
     errno.EMFILE: "raise the limit of open files (ulimit -n) and run again",

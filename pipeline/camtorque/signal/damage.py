@@ -91,7 +91,7 @@ def _runs(volts: Array, two_sided: bool) -> tuple[int, int]:
 
 def _are_clipped(volts: Array, runs: Integers, ends: Integers) -> Mask:
     """Tell which runs of equal samples, by length and last sample, are clipped tops or bottoms."""
-    long = (runs >= FLAT_RUN) & (ends - 2 * runs + 1 >= 0) & (ends + runs < volts.size)
+    long = (runs >= FLAT_RUN) & (ends >= runs) & (ends + 1 < volts.size)
     if not long.any():
         return long
     with np.errstate(invalid="ignore"):
@@ -103,8 +103,11 @@ def _are_clipped(volts: Array, runs: Integers, ends: Integers) -> Mask:
 
 
 def _least_fall(volts: Array, run: int, end: int) -> float:
-    """Return by how much the signal leaves a flat run within its length, on the side where it leaves it less."""
-    before, after = volts[end - 2 * run + 1 : end - run + 1], volts[end + 1 : end + run + 1]
+    """Return by how much the signal leaves a flat run within its length, on the side where it leaves it less.
+
+    A delivery that begins soon after the cycle may stand at the top for longer than the cycle lasted before.
+    """
+    before, after = volts[max(end - 2 * run + 1, 0) : end - run + 1], volts[end + 1 : end + run + 1]
     return float(min(np.fmax.reduce(np.abs(volts[end] - side)) for side in (before, after)))
 
 
