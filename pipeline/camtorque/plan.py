@@ -120,7 +120,8 @@ def plan_runs(fit: Path | str, target: str, tooth: bool = True, speeds_rpm: Sequ
     teeth = (False, True) if tooth else (False,)
     steps = plan(known, goal.number, goal.wanted, points, DURATIONS, teeth)
     alone = weighed(known, goal.number, [Offer(point, DURATIONS[0], tooth) for tooth in teeth for point in points])
-    return {**_document(known, goal, steps, alone), "inputs": inputs}
+    names = [row["id"] for row in found.rows]
+    return {**_document(known, goal, steps, alone), "recordings": names, "inputs": inputs}
 
 
 def _fastest(known: KnownFit) -> FittedAt:

@@ -173,7 +173,7 @@ def test_a_time_without_a_unit_is_only_taken_where_it_can_be_nothing_but_seconds
 
 def test_a_range_is_printed_with_its_unit(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     file = tmp_path / "log.csv"
-    file.write_text("torque_Nm,x\n" + "".join(f"{n % 13},{n % 17}\n" for n in range(500)))
+    file.write_text("torque_Nm,misc\n" + "".join(f"{n % 13},{n % 17}\n" for n in range(500)))
     assert cli.main(["new", str(file)]) == 0
     printed = capsys.readouterr().out
     assert "0 to 12 N m\n" in printed

@@ -285,6 +285,8 @@ def test_the_answer_names_what_is_not_explained_what_was_refused_and_what_drifts
     assert "Of 2 shared parameters 1 are measured" in parts["How sure"]
     assert parts["What to do"].startswith("Not explained: B; open its report first. 1 refused")
     assert parts["What to do"].endswith("Coupling resonance drifts.")
+    alike = {part["head"]: part["text"] for part in campaign_answer({**doc, "recordings": [row("A", True)]})}
+    assert alike["The gap"].count(" to ") == 0
     quiet = {**doc, "recordings": [row("A", True)], "n_refused": 0, "findings": []}
     assert "What to do" not in {part["head"] for part in campaign_answer(quiet)}
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from camtorque import predict_from as flow
 from camtorque.commands.arguments import ENDINGS as WORDS
+from camtorque.commands.texts import fit_name
 from camtorque.finished_fit import FinishedFit
 from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.draws import Load, draws
@@ -17,10 +18,12 @@ from camtorque.fit.endings import EITHER, ENDINGS, either, endings_of, if_it_end
 from camtorque.fit.ends import UNKNOWN_STD, load_for
 from camtorque.fit.forecast import Forecast
 from camtorque.fit.known_fit import FittedAt, KnownFit
+from camtorque.jsonable import jsonable
 from camtorque.laws import ROWS
 from camtorque.records import Estimate, Forces, Refusal
-from camtorque.report.forecast_page import _drawing, sweep_row
+from camtorque.report.forecast_page import _drawing, sweep_row, with_band
 from camtorque.report.forecast_texts import end_text, ending_text, flight_text
+from camtorque.report.numbers import UNKNOWN
 from camtorque.units import DEGREE
 from report_cases import THETA, falling
 
@@ -106,6 +109,15 @@ def test_extremes_of_either_hold_those_of_both() -> None:
     alone = sweep_row(run(10.0, 1.0, "land"), forces[:1])
     assert alone["torque_max_nm"]["value"] == pytest.approx(10.0)
     assert (alone["ending"], alone["other_ending"]) == ("land", None)
+    line = sweep_row(run(10.0, 1.0, "line"), forces[:1])["delivered_mm3"]
+    assert with_band(line) == with_band(jsonable(line)) == UNKNOWN
+
+
+def test_a_page_names_a_fit_by_its_only_recording_or_its_folder(tmp_path: Path) -> None:
+    (tmp_path / "campaign.json").touch()
+    assert fit_name(tmp_path / "5e1f", ["A_1000rpm"]) == "A_1000rpm"
+    assert fit_name(tmp_path / "campaign.json", ["A", "B"]) == tmp_path.name
+    assert fit_name(tmp_path / ".", ["A", "B"]) == tmp_path.name
 
 
 def test_what_the_other_ending_would_make_is_told_where_the_band_does_not_hold_it() -> None:

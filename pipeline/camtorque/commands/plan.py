@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from camtorque.commands import Outcome, Tell
+from camtorque.commands.texts import fit_name
 from camtorque.fit.planning import MOST_RUNS
 from camtorque.jsonable import jsonable
 from camtorque.plan import plan_runs
@@ -28,7 +29,7 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     lines = [plan_table(doc)]
     if arguments.out is not None:
         with output_folder(arguments.out, "plan.json") as folder:
-            write_plan(doc, f"What to record next for {arguments.fit.name}", folder)
+            write_plan(doc, f"What to record next for {fit_name(arguments.fit, doc['recordings'])}", folder)
         lines.append(str(arguments.out / "plan.html"))
     return Outcome("\n".join(lines), doc)
 

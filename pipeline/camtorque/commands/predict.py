@@ -8,7 +8,7 @@ from dataclasses import asdict, replace
 
 from camtorque.commands import ERRORS, Outcome, Tell
 from camtorque.commands.arguments import METHODS
-from camtorque.commands.texts import finding_lines
+from camtorque.commands.texts import finding_lines, fit_name
 from camtorque.grid_choice import grid_note
 from camtorque.hashes import input_file
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
@@ -81,7 +81,8 @@ def _from_fit(arguments: argparse.Namespace) -> Outcome:
     lines += [str(text) for text in found.document["assumed"]]
     if arguments.out is not None:
         with output_folder(arguments.out, "predict.json") as folder:
-            write_forecast(found.items, found.document, f"Predicted from {arguments.fit.name}", folder)
+            name = fit_name(arguments.fit, [row["id"] for row in found.document["recordings"]])
+            write_forecast(found.items, found.document, f"Predicted from {name}", folder)
         lines.append(str(arguments.out / "predict.html"))
     return Outcome("\n".join(lines), found.document)
 

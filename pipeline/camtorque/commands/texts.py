@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from camtorque.report.answer import estimate_text, work_parts
@@ -135,3 +137,9 @@ def _band(row: Mapping[str, Any]) -> str:
     low, high = ("" if row[end] is None else f"{row[end]:g}" for end in ("min", "max"))
     band = f"{low} to {high}" if low and high else f"at least {low}" if low else f"at most {high}"
     return "; ".join(part for part in (f"{band} {row['unit']}".strip(), row["reason"], row["text"]) if part)
+
+
+def fit_name(path: Path, recordings: Sequence[str]) -> str:
+    """Return what a page calls a fit: its only recording, as runs of a campaign lie in folders named by hashes."""
+    folder = path if path.is_dir() else path.parent
+    return recordings[0] if len(recordings) == 1 else Path(os.path.realpath(folder)).name

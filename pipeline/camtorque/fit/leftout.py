@@ -331,6 +331,6 @@ def poor_findings(held: Sequence[HeldOut]) -> tuple[Finding, ...]:
 def _poor_text(name: str, rows: Sequence[HeldOut]) -> str:
     parts = (f"{error_text(row.metrics)} ({MODE_TEXTS[row.mode]}, at most {POOR[row.mode]:g} %)" for row in rows)
     return (
-        f"{name}, left out and predicted from the others, is off by {'; '.join(parts)}; a run at such a speed "
+        f"left out and predicted from the others, {name} is off by {'; '.join(parts)}; a run at such a speed "
         "and load that was not recorded is not known better than that"
     )

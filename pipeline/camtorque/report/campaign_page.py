@@ -113,10 +113,10 @@ def campaign_answer(doc: Mapping[str, Any]) -> list[dict[str, str]]:
     parts = []
     if rows:
         gaps = [row["metrics"]["rigid"]["forward_gap_percent"] or 0.0 for row in rows]
-        if min(gaps) > 0.0:
-            how = f"lies {with_decimals(min(gaps), 0)} to {with_decimals(max(gaps), 0)} % above the rigid model"
-        else:
-            how = f"differs from the rigid model by {with_sign(min(gaps), 0)} to {with_sign(max(gaps), 0)} %"
+        above = min(gaps) > 0.0
+        ends = [(with_decimals if above else with_sign)(gap, 0) for gap in (min(gaps), max(gaps))]
+        range_text = f"{' to '.join(dict.fromkeys(ends))} %"
+        how = f"lies {range_text} above the rigid model" if above else f"differs from the rigid model by {range_text}"
         text = f"On the loaded forward stroke the measured torque {how}."
         parts.append({"head": "The gap", "text": text})
     if known:

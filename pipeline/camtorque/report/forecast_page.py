@@ -18,7 +18,7 @@ from camtorque.report.chart import CAM_ANGLE, Band, Curves, Line, Panel
 from camtorque.report.drawings import drawing_of
 from camtorque.report.files import write_json, write_page
 from camtorque.report.forecast_texts import ENDED_BY, ending_text, flight_text, step_text
-from camtorque.report.numbers import plus_minus, rounded_to_error, significant, words
+from camtorque.report.numbers import UNKNOWN, plus_minus, rounded_to_error, significant, words
 from camtorque.report.page import Drawing, render
 from camtorque.report.tones import CYCLE
 from camtorque.units import BAR, DEGREE, RPM
@@ -68,13 +68,14 @@ def _extremes(item: Forecast, forces: Forces) -> dict[str, tuple[float, float]]:
     top, low = int(np.argmax(item.torque)), int(np.argmin(item.torque))
     peak, load, least = int(np.argmax(item.pressure)), int(np.argmax(item.contact)), int(np.argmin(item.contact))
     hertz = float(np.nanmax(forces.hertz)) / 1e9
+    scale = np.nan if item.ending == "line" else 1e9  # without a chamber nothing tells what leaves it
     relative = float(item.contact_std[load] / max(abs(item.contact[load]), 1e-9))
     return {
         "torque_max_nm": (item.torque[top], item.torque_std[top]),
         "torque_min_nm": (item.torque[low], item.torque_std[low]),
         "torque_mean_nm": (float(np.mean(item.torque)), item.mean_std),
         "chamber_peak_bar": (item.pressure[peak] / BAR, item.pressure_std[peak] / BAR),
-        "delivered_mm3": (1e9 * item.delivered, 1e9 * item.delivered_std),
+        "delivered_mm3": (scale * item.delivered, scale * item.delivered_std),
         "contact_max_n": (item.contact[load], item.contact_std[load]),
         "contact_min_n": (item.contact[least], item.contact_std[least]),
         "hertz_max_gpa": (hertz, 0.5 * relative * hertz),
@@ -153,7 +154,9 @@ def write_forecast(items: Sequence[Forecast], document: Mapping[str, Any], title
 
 
 def with_band(estimate: Mapping[str, Any]) -> str:
-    """Return a value with half the width of its 95 % interval, as many decimals as that has."""
+    """Return a value with half the width of its 95 % interval, as many decimals as that has; one that nobody knows."""
+    if estimate["value"] is None or np.isnan(estimate["value"]):
+        return UNKNOWN
     half = COVERAGE * estimate["stderr"]
     return f"{rounded_to_error(estimate['value'], half)} ± {plus_minus(half)}"
 
