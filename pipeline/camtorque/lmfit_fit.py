@@ -226,7 +226,9 @@ def changed(parameters: lmfit.Parameters, changes: Mapping[str, Mapping[str, Any
         except Exception as error:  # lmfit's evaluator raises many kinds
             raise Refusal(f"parameter {name!r}: {' '.join(str(error).split())}; expected {', '.join(KEYS)}") from error
         if low > high:
-            raise Refusal(f"parameter {name!r}: found min {low:g} above max {high:g}, expected it below; exchange them")
+            own = next((end for end in ("min", "max") if end not in row), "")
+            ask = f"give {own} too, it is the fit's own" if own else "exchange them"
+            raise Refusal(f"parameter {name!r}: found min {low:g} above max {high:g}, expected it below; {ask}")
         value = row.get("value", value)  # lmfit would move it into the bounds without a word
         if not (np.isfinite(value) and low <= value <= high):
             raise Refusal(f"parameter {name!r}: found {value:g}, expected a value from {low:g} to {high:g}")

@@ -100,6 +100,8 @@ def test_narrower_bounds_take_the_start_along(own: OwnFit) -> None:
         changed(own.parameters(), {"dead_volume": {"max": 0.5 * start, "value": start}})
     with pytest.raises(Refusal, match="found min 2 above max 1, expected it below; exchange them"):
         changed(own.parameters(), {"dead_volume": {"min": 2.0, "max": 1.0}})
+    with pytest.raises(Refusal, match="expected it below; give min too, it is the fit's own"):
+        changed(own.parameters(), {"dead_volume": {"max": -1.0}})
 
 
 def test_uncertainties_and_intervals(own: OwnFit) -> None:

@@ -130,7 +130,8 @@ def check_schema(values: Mapping[str, Any], file: Path, schema: str) -> None:
     if found != schema:
         kind = OTHER_SCHEMA.fullmatch(str(found)[:80])
         other = kind is not None and kind[1] != schema.partition("/")[0]
-        ask = "this is a file of another kind: name one" if other else f'write schema = "{schema}" at the top'
+        write = f'write schema = "{schema}" at the top'
+        ask = "this is a file of another kind: name one with that schema" if other else write
         said = "is missing" if found is None else f"is {found!r:.80}"
         raise Refusal(f"{file}: schema {said}, expected {schema!r}; {ask}")
 
