@@ -77,7 +77,8 @@ def fitted_pump(fit: FinishedFit) -> FittedPump:
         order = np.argsort(angle, kind="stable")
         pushed = rig.pump.plunger_area * lift_law(rig.table).evaluate(angle, 1) * speed
         share = np.clip(item.flow / np.maximum(pushed, LEAST_FLOW * np.max(pushed)), 0.0, 1.0)
-        return FittedStroke(source.id, PressureCurve(angle[order], item.pressure[order]), share[order])
+        delivering = np.empty(0) if source.structure == "line" else share[order]
+        return FittedStroke(source.id, PressureCurve(angle[order], item.pressure[order]), delivering)
 
     return FittedPump(
         path=fit.folder, pump_id=str(read_result(first / "result.json")["recording"].get("pump", "")),

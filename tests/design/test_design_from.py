@@ -123,6 +123,21 @@ def test_loads_and_pumps_that_the_fit_does_not_know_are_refused(
         read_task(path, fitted)
 
 
+def test_without_a_fitted_chamber_the_pressure_tells_what_is_delivered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(forecast, "DRAWS", 40)
+    folder = known_fit(tmp_path)
+    fit = json.loads((folder / "fit.json").read_text())
+    fit["recordings"][0]["structure"] = "line"
+    (folder / "fit.json").write_text(json.dumps(fit))
+    load = '[[load]]\nspeed_rpm = 1000\n'
+    task = read_task(design_file(tmp_path, lift=LIFT, free=FREE, load=load, aims=AIM, pump=PUMP),
+                     fitted_pump(read_known(folder)))  # fmt: skip
+    assert not task.loads[0].delivering.size
+    assert task.loads[0].delivered(8e-3) > 1e-3
+
+
 def test_a_recording_as_load_without_a_fit_is_refused(tmp_path: Path) -> None:
     load = '[[load]]\nspeed_rpm = 900\nrecording = "A_1000rpm"\n'
     with pytest.raises(Refusal, match="found 'A_1000rpm' without a fit, expected one; name it with --from"):

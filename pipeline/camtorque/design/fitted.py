@@ -25,7 +25,8 @@ class FittedStroke(ReadOnly):
     ----------
     recording : its name
     pressure : on the plunger over the angle of the fitted cam
-    delivering : share of the plunger's flow that leaves for the line, at the angles of ``pressure``
+    delivering : share of the plunger's flow that leaves for the line, at the angles of ``pressure``; empty where no
+        chamber was fitted, which alone would tell it
     """
 
     recording: str

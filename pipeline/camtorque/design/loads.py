@@ -127,8 +127,10 @@ def _fitted_load(table: Table, recording: str, speed: float, fitted: FittedPump 
     corners = _carried(stroke.pressure, fitted.law, where)
     theta, lift = _from_rest(fitted.law)
     rise = slice(0, int(np.argmax(lift)) + 1)
-    share = np.interp(theta[rise], stroke.pressure.theta, stroke.delivering, period=2.0 * np.pi)
-    delivering = np.interp(corners[0], np.maximum.accumulate(lift[rise]), share)
+    delivering = stroke.delivering
+    if delivering.size:
+        share = np.interp(theta[rise], stroke.pressure.theta, delivering, period=2.0 * np.pi)
+        delivering = np.interp(corners[0], np.maximum.accumulate(lift[rise]), share)
     name = f"{speed / RPM:g} rpm, {stroke.recording}"
     return Load(name, speed, *corners, source=stroke.recording, delivering=delivering)
 
