@@ -131,7 +131,7 @@ def test_without_a_fitted_chamber_the_pressure_tells_what_is_delivered(
     fit = json.loads((folder / "fit.json").read_text())
     fit["recordings"][0]["structure"] = "line"
     (folder / "fit.json").write_text(json.dumps(fit))
-    load = '[[load]]\nspeed_rpm = 1000\n'
+    load = "[[load]]\nspeed_rpm = 1000\n"
     task = read_task(design_file(tmp_path, lift=LIFT, free=FREE, load=load, aims=AIM, pump=PUMP),
                      fitted_pump(read_known(folder)))  # fmt: skip
     assert not task.loads[0].delivering.size

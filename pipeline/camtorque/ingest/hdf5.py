@@ -17,7 +17,7 @@ import numpy as np
 
 from camtorque.config import ChannelSpec
 from camtorque.ingest.columns import time_beside, times_beside
-from camtorque.ingest.hdf5_heaps import check_heaps
+from camtorque.ingest.hdf5_heaps import check_chunks, check_heaps
 from camtorque.ingest.header import column_number, numbered_name, time_unit
 from camtorque.ingest.listing import with_times
 from camtorque.ingest.raw import CallSource, FileChannel, RawChannel, RawFile, read_each, refusing
@@ -246,33 +246,7 @@ def _refuse_unstored(path: Path, data: h5py.Dataset) -> None:
         raise Refusal(f"{path}: data set {data.name} declares {data.size} samples, the file stores none of them")
     refuse_bomb(declared, stored, f"{path}: data set {data.name}")
     if data.chunks is not None and declared:
-        _check_chunks(path, data)
-
-
-def _check_chunks(path: Path, data: h5py.Dataset) -> None:
-    """Refuse chunks that are missing, stand twice or lie outside the file: the library would read beyond its memory."""
-    size, seen = path.stat().st_size, set()
-
-    def look(chunk: Any) -> None:
-        inside = chunk.byte_offset > 0 and chunk.size > 0 and chunk.byte_offset + chunk.size <= size
-        if (
-            not inside
-            or chunk.chunk_offset in seen
-            or any(a % b for a, b in zip(chunk.chunk_offset, data.chunks, strict=False))
-        ):
-            raise Refusal(
-                f"{path}: a block of {data.name} is said to be {chunk.size} bytes at byte {chunk.byte_offset} of {size}"
-                ": the file is damaged; copy it again"
-            )
-        seen.add(chunk.chunk_offset)
-
-    data.id.chunk_iter(look)
-    expected = int(np.prod([-(-a // b) for a, b in zip(data.shape, data.chunks, strict=True)]))
-    if len(seen) != expected:
-        raise Refusal(
-            f"{path}: data set {data.name} has {len(seen)} of its {expected} blocks; the others were never written: "
-            "export what is there"
-        )
+        check_chunks(path, data)
 
 
 def _rates_in(group: h5py.Group) -> dict[str, Any]:

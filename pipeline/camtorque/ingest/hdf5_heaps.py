@@ -1,4 +1,4 @@
-"""The global heaps of an HDF5 file, where its texts lie, checked before the library follows them.
+"""The global heaps of an HDF5 file, where its texts lie, and the blocks of its data sets, checked before they are read.
 
 HDF5 walks a heap by the sizes that its objects state; a free space of size 0 keeps it walking for ever (HDF5 file
 format, "Disk Format: Level 1E - Global Heap").
@@ -6,10 +6,12 @@ format, "Disk Format: Level 1E - Global Heap").
 
 from __future__ import annotations
 
+import math
 import mmap
 import struct
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from camtorque.records import Refusal
 
@@ -51,3 +53,29 @@ def _check_heap(path: Path, data: mmap.mmap, place: int) -> None:
         if step < OBJECT.size or at + step > end:
             raise Refusal(f"{where} states an object of {size} bytes at byte {at}: the file is damaged; copy it again")
         at += step
+
+
+def check_chunks(path: Path, data: Any) -> None:
+    """Refuse chunks that are missing, stand twice or lie outside the file: the library would read beyond its memory."""
+    size, seen = path.stat().st_size, set()
+
+    def look(chunk: Any) -> None:
+        inside = chunk.byte_offset > 0 and chunk.size > 0 and chunk.byte_offset + chunk.size <= size
+        if (
+            not inside
+            or chunk.chunk_offset in seen
+            or any(a % b for a, b in zip(chunk.chunk_offset, data.chunks, strict=False))
+        ):
+            raise Refusal(
+                f"{path}: a block of {data.name} is said to be {chunk.size} bytes at byte {chunk.byte_offset} of {size}"
+                ": the file is damaged; copy it again"
+            )
+        seen.add(chunk.chunk_offset)
+
+    data.id.chunk_iter(look)
+    expected = math.prod([-(-a // b) for a, b in zip(data.shape, data.chunks, strict=True)])
+    if len(seen) != expected:
+        raise Refusal(
+            f"{path}: data set {data.name} has {len(seen)} of its {expected} blocks; the others were never written: "
+            "export what is there"
+        )
