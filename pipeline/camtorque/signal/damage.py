@@ -94,7 +94,7 @@ def _are_clipped(volts: Array, runs: Integers, ends: Integers) -> Mask:
     long = (runs >= FLAT_RUN) & (ends >= runs) & (ends + 1 < volts.size)
     if not long.any():
         return long
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):  # samples that are no voltages are told as missing
         change = np.abs(np.diff(volts))
         step = np.min(change, where=change > 0.0, initial=np.inf)
         falls = [_least_fall(volts, run, end) for run, end in zip(runs[long], ends[long], strict=True)]
