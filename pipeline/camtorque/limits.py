@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from camtorque.config.keys import Band, Key, TableSchema
-from camtorque.config.tables import Problems, Table, check_schema, read_closed, read_toml
+from camtorque.config.tables import Problems, Table, read_closed, read_schema
 from camtorque.records import Refusal
 from camtorque.units import did_you_mean, plain_unit
 
@@ -107,10 +107,7 @@ def read_limits(path: Path | str) -> tuple[Limit, ...]:
     ------
     Refusal : missing file or key, unknown key, no band or an empty one; all problems at once
     """
-    file = Path(path)
-    _, values = read_toml(file, f"expected a limits file (schema {LIMITS_SCHEMA})")
-    check_schema(values, file, LIMITS_SCHEMA)
-    root = Table(values, file, "")
+    _, root = read_schema(Path(path), LIMITS_SCHEMA, f"expected a limits file (schema {LIMITS_SCHEMA})")
     root.only(("schema", "limit"))
     problems, limits = Problems(), []
     for table in root.tables("limit"):

@@ -25,7 +25,7 @@ import lmfit
 import numpy as np
 
 from camtorque.align import align
-from camtorque.config.tables import Table, check_schema, read_toml
+from camtorque.config.tables import Table, read_schema
 from camtorque.fit.problem import Problem
 from camtorque.fit.single import prepare
 from camtorque.fit.solver import LiftModes
@@ -194,9 +194,8 @@ def read_changes(path: Path | str) -> dict[str, dict[str, Any]]:
     Refusal : missing file, another schema, an unknown key
     """
     file = Path(path)
-    _, values = read_toml(file, f"expected a parameters file (schema {SCHEMA})")
-    check_schema(values, file, SCHEMA)
-    changes = values.get("parameters")
+    _, root = read_schema(file, SCHEMA, f"expected a parameters file (schema {SCHEMA})")
+    changes = root.values.get("parameters")
     if not isinstance(changes, dict) or not all(isinstance(row, dict) for row in changes.values()):
         raise Refusal(f"{file}: expected tables [parameters.NAME]")
     for name, row in changes.items():

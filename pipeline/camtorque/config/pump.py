@@ -15,7 +15,7 @@ import numpy as np
 
 from camtorque.config import PumpData
 from camtorque.config.schemas import PUMP_FILE_TABLES, PUMP_SCHEMA
-from camtorque.config.tables import Problems, Table, check_schema, read_closed, read_toml
+from camtorque.config.tables import Problems, Table, read_closed, read_schema
 from camtorque.records import Array, CamTable, Finding, ReadOnly, Refusal
 from camtorque.units import BAR, DEGREE, short
 
@@ -107,9 +107,7 @@ def load_pump_config(path: Path | str) -> PumpConfig:
     Refusal : missing file or key, unknown key, a value of the wrong type or out of its range, not exactly one cam
     """
     file = Path(path)
-    text, values = read_toml(file, f"expected a pump file (schema {PUMP_SCHEMA})")
-    root = Table(values, file, "")
-    check_schema(values, file, PUMP_SCHEMA)
+    text, root = read_schema(file, PUMP_SCHEMA, f"expected a pump file (schema {PUMP_SCHEMA})")
     root.only(("schema", *ONCE))
     problems = Problems()
     tables = {name: _values(root, name, problems) for name in ONCE}

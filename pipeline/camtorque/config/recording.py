@@ -24,7 +24,7 @@ from camtorque.config import (
 from camtorque.config.keys import TableSchema
 from camtorque.config.quantities import ANGLE_QUANTITIES, CHANNEL_QUANTITIES, SENSOR_QUANTITIES, channel_factor
 from camtorque.config.schemas import RECORDING_FILE, RECORDING_SCHEMA, RECORDING_TABLES, SHEET_KEYS
-from camtorque.config.tables import MOST_LISTED, Problems, Table, check_schema, read_keys, read_toml
+from camtorque.config.tables import MOST_LISTED, Problems, Table, read_keys, read_schema
 from camtorque.records import Finding, Refusal
 from camtorque.units import BORDER_UNITS, did_you_mean, first_of, tidy_unit, unit_factor
 
@@ -44,9 +44,8 @@ def load_recording_config(path: Path) -> RecordingConfig:
     Refusals : missing files or keys, wrong types, impossible values, channels without logger or sensor; all of them
     """
     file = path / RECORDING_FILE if path.is_dir() else path
-    text, values = read_toml(file, f"a recording is a folder that holds {RECORDING_FILE}, or that file{_near(path)}")
-    root = Table(values, file, "")
-    check_schema(values, file, RECORDING_SCHEMA)
+    expected = f"a recording is a folder that holds {RECORDING_FILE}, or that file{_near(path)}"
+    text, root = read_schema(file, RECORDING_SCHEMA, expected)
     problems = Problems()
     single = {name: _one(root, name, problems) for name in ("recording", "pump", "trigger", "fluid", "drive")}
     channels, sensors = _channels(root, problems), _sensors(root, problems)
@@ -66,7 +65,7 @@ def load_recording_config(path: Path) -> RecordingConfig:
         sensors={name: _sensor(name, table, idle, file) for name, table in sensors.items()},
         loggers=loggers,
         channels=tuple(_channel(table, loggers, duration) for table in channels),
-        findings=(*_unknown_keys(values, file), *_assumed(root), *(_left_out(table) for table in left_out)),
+        findings=(*_unknown_keys(root.values, file), *_assumed(root), *(_left_out(table) for table in left_out)),
         fluid=FluidSpec(**single["fluid"]),
         drive=DriveSpec(**single["drive"]),
     )

@@ -124,8 +124,9 @@ def what_is_beside(path: Path, *, toml: bool = False) -> str:
     return did_you_mean(path.name, names) or ("" if toml and not names else f"; its folder {held}")
 
 
-def check_schema(values: Mapping[str, Any], file: Path, schema: str) -> None:
-    """Refuse a file of another schema than expected, or of none."""
+def read_schema(file: Path, schema: str, expected: str) -> tuple[str, Table]:
+    """Return the text and the whole of a TOML file, which has to be of a schema; ``expected`` as for `read_toml`."""
+    text, values = read_toml(file, expected)
     found = values.get("schema")
     if found != schema:
         kind = OTHER_SCHEMA.fullmatch(str(found)[:80])
@@ -134,6 +135,7 @@ def check_schema(values: Mapping[str, Any], file: Path, schema: str) -> None:
         ask = "this is a file of another kind: name one with that schema" if other else write
         said = "is missing" if found is None else f"is {found!r:.80}"
         raise Refusal(f"{file}: schema {said}, expected {schema!r}; {ask}")
+    return text, Table(values, file, "")
 
 
 def _text(file: Path, expected: str) -> str:

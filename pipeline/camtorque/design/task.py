@@ -12,7 +12,7 @@ import numpy as np
 
 from camtorque.config.keys import Key
 from camtorque.config.pump import PumpConfig
-from camtorque.config.tables import Table, check_schema, read_toml
+from camtorque.config.tables import Table, read_schema
 from camtorque.design.fitted import FittedPump, fitted_friction, same_pump
 from camtorque.design.loads import Load, loads_of
 from camtorque.design.profile import BSPLINE, LAWS, Family
@@ -104,9 +104,7 @@ def read_task(path: Path | str, fitted: FittedPump | None = None) -> Task:
     Refusal : a missing or unknown key, a free quantity without bounds, a slip of units, an unknown aim or limit
     """
     file = Path(path)
-    text, values = read_toml(file, f"expected a design file (schema {DESIGN_SCHEMA})")
-    check_schema(values, file, DESIGN_SCHEMA)
-    root = Table(values, file, "")
+    text, root = read_schema(file, DESIGN_SCHEMA, f"expected a design file (schema {DESIGN_SCHEMA})")
     root.only((*TOP.names, "lift", "free", "load", "aims", "limits", "tolerances", "answer"))
     top = read_values(root, TOP)
     config, findings = read_pump(top["pump"])
