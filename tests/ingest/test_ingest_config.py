@@ -84,6 +84,16 @@ def test_a_missing_row_of_tables_is_named_with_what_looks_like_it(tmp_path: Path
         load_recording_config(write(tmp_path, TEXT.replace(f"[[{name}]]", f"[[{typed}]]")))
 
 
+def test_wrong_loggers_and_idle_stretches_are_told_at_once(tmp_path: Path):
+    wrong = TEXT.replace('logger = "DAQ1"', 'logger = "DAQ2"').replace(
+        "[sensors.pressure]", "[sensors.pressure]\nidle_to_s = 2.0"
+    )
+    with pytest.raises(Refusals, match="needs idle_from_s < idle_to_s") as refused:
+        load_recording_config(write(tmp_path, wrong))
+    channels = refused.value.problems[1:]
+    assert [f"no. {number} logger: found 'DAQ2'" in text for number, text in enumerate(channels, 1)] == [True] * 2
+
+
 def test_file_and_folder_are_the_same(tmp_path: Path):
     folder = write(tmp_path, TEXT)
     assert load_recording_config(folder) == load_recording_config(folder / "recording.toml")

@@ -56,15 +56,23 @@ def load_recording_config(path: Path) -> RecordingConfig:
     recording = single["recording"]
     idle = {name: recording.pop(name) for name in ("idle_from", "idle_to")}
     duration = recording.pop("duration")
+    references, specs = dict[str, SensorRef](), list[ChannelSpec]()
+    for name, table in sensors.items():
+        with problems.collecting():
+            references[name] = _sensor(name, table, idle, file)
+    for table in channels:
+        with problems.collecting():
+            specs.append(_channel(table, loggers, duration))
+    problems.raise_any()
     config = RecordingConfig(
         path=file,
         text=text,
         **recording,
         pump_sheet=PumpData(**single["pump"]) if root.has("pump") else None,
         trigger=TriggerSpec(**single["trigger"]),
-        sensors={name: _sensor(name, table, idle, file) for name, table in sensors.items()},
+        sensors=references,
         loggers=loggers,
-        channels=tuple(_channel(table, loggers, duration) for table in channels),
+        channels=tuple(specs),
         findings=(*_unknown_keys(root.values, file), *_assumed(root), *(_left_out(table) for table in left_out)),
         fluid=FluidSpec(**single["fluid"]),
         drive=DriveSpec(**single["drive"]),
