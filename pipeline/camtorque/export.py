@@ -127,19 +127,10 @@ def safe_text(text: str) -> str:
     return f"'{text}" if len(text) > 1 and text.startswith(FORMULA) else text
 
 
-def _write_csv(tables: Tables, stem: Path) -> list[Path]:
-    write = partial(pd.DataFrame.to_csv, index=False, lineterminator="\n", float_format="%.9g")
-    return _a_file_each(tables, stem, "csv", write)
-
-
-def _write_parquet(tables: Tables, stem: Path) -> list[Path]:
-    return _a_file_each(tables, stem, "parquet", partial(pd.DataFrame.to_parquet, index=False))
-
-
-def _a_file_each(tables: Tables, stem: Path, suffix: str, write: Callable[[pd.DataFrame, Path], Any]) -> list[Path]:
+def _a_file_each(tables: Tables, stem: Path, suffix: str, **how: Any) -> list[Path]:
     paths = {name: stem.with_name(f"{stem.name}_{name}.{suffix}") for name in tables}
     for name, table in tables.items():
-        write(table, paths[name])
+        getattr(table, f"to_{suffix}")(paths[name], index=False, **how)
     return list(paths.values())
 
 
@@ -173,19 +164,9 @@ def _column(values: pd.Series) -> Any:
 
 
 FORMATS: dict[str, Callable[[Tables, Path], list[Path]]] = {
-    "csv": _write_csv,
+    "csv": partial(_a_file_each, suffix="csv", lineterminator="\n", float_format="%.9g"),
     "xlsx": _write_xlsx,
     "mat": _write_mat,
-    "parquet": _write_parquet,
+    "parquet": partial(_a_file_each, suffix="parquet"),
 }
-"""Format -> its writer."""
-
-
-def write_tables(tables: Tables, stem: Path, file_format: str) -> list[Path]:
-    """Write tables in one of `FORMATS` into an existing folder, to files that begin with ``stem``; return the paths.
-
-    Raises
-    ------
-    Refusal : more columns than a sheet holds
-    """
-    return FORMATS[file_format](tables, stem)
+"""Format -> its writer: tables into an existing folder, to files that begin with a stem; their paths."""

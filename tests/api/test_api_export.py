@@ -73,7 +73,7 @@ def test_xlsx(report: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 def test_a_sheet_of_too_many_columns_is_refused(tmp_path: Path) -> None:
     table = pd.DataFrame(np.zeros((1, export.SHEET_COLUMNS + 1)))
     with pytest.raises(Refusal, match="has 16385 columns, a sheet holds 16384; take csv"):
-        export.write_tables({"torque": table}, tmp_path / "x", "xlsx")
+        export.FORMATS["xlsx"]({"torque": table}, tmp_path / "x")
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from camtorque.commands import Outcome, Tell
-from camtorque.export import report_tables, write_tables
+from camtorque.export import FORMATS, report_tables
 from camtorque.records import Refusal, require
 from camtorque.report.checksums import SUMS
 from camtorque.report.folder import check_writable, output_files
@@ -50,7 +50,7 @@ def _tables(arguments: argparse.Namespace, documents: Mapping[str, Any], tell: T
     paths = []
     for name, stem in _stems(documents).items():
         tell(f"tables of {stem}")
-        paths += write_tables(report_tables(Path(name), documents[name]), out / stem, arguments.format)
+        paths += FORMATS[arguments.format](report_tables(Path(name), documents[name]), out / stem)
     return paths
 
 
@@ -72,7 +72,7 @@ def _stems(documents: Mapping[str, Any]) -> dict[str, str]:
 
 def _trend(arguments: argparse.Namespace, documents: Mapping[str, Any], out: Path) -> list[Path]:
     table = trend_table(documents)
-    paths = write_tables({"trend": table}, out / "reports", arguments.format)
+    paths = FORMATS[arguments.format]({"trend": table}, out / "reports")
     chosen = dict(list(informed_parameters(documents).items())[:MOST_PARAMETERS])
     drawn = {name: label for name, label in {**DRAWN, **chosen}.items() if table[name].notna().any()}
     figure = trend_figure(drawn_table(table, documents, chosen), AXES, drawn)
