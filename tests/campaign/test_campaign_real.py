@@ -50,7 +50,7 @@ def test_workers_order_resuming_and_a_broken_recording_change_no_number(
     again = document(out / "campaign.json")
     for key in ("shared_parameters", "held_out", "drifts"):
         assert again[key] == first[key]
-    assert verify(out)[1] == ()
+    assert verify(out)[1] == {}
 
 
 def test_one_usable_recording_makes_no_joint_fit() -> None:

@@ -78,7 +78,7 @@ def test_finished_and_refused_are_remembered(analysed: list[str], tmp_path: Path
     assert analysed == ["a", "b", "c", "b", "c"]
     refused = out / doc["recordings"][1]["folder"]
     assert {path.name for path in refused.iterdir()} == {"entry.json", "SHA256SUMS"}
-    assert verify(out)[1] == ()
+    assert verify(out)[1] == {}
     assert (out / doc["recordings"][0]["folder"] / "result.json").is_file()
     assert f"{doc['recordings'][0]['folder']}/report.html" in (out / "campaign.html").read_text()
     assert not list(out.glob(".index*")) + list((out / "runs").glob(".*"))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import asdict
 
 from camtorque.commands import Outcome, Tell
 from camtorque.report.checksums import verify
@@ -15,7 +14,8 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     """Compare every file with its checksum."""
     tell(f"reading {arguments.folder}")
     compared, faults = verify(arguments.folder)
-    lines = [f"{fault.kind:11} {fault.path}" for fault in faults]
+    lines = [f"{kind:11} {path}" for path, kind in faults.items()]
     lines.append(f"{arguments.folder}: {compared} files compared, {len(faults)} not as they were written")
-    document = {"folder": str(arguments.folder), "compared": compared, "faults": [asdict(fault) for fault in faults]}
+    rows = [{"path": path, "kind": kind} for path, kind in faults.items()]
+    document = {"folder": str(arguments.folder), "compared": compared, "faults": rows}
     return Outcome("\n".join(lines), document, FAULTS if faults else 0)

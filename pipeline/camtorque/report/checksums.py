@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 from camtorque.hashes import file_digest
@@ -14,14 +13,6 @@ from camtorque.units import first_of
 
 SUMS = "SHA256SUMS"
 LINE = re.compile(r"([0-9a-f]{64})  (\S.*)")
-
-
-@dataclass(frozen=True)
-class Fault:
-    """A file that is not as it was written: ``kind`` is ``changed``, ``missing``, ``not listed`` or ``damaged``."""
-
-    path: str
-    kind: str
 
 
 def write_checksums(folder: Path, files: Iterable[Path]) -> None:
@@ -42,8 +33,8 @@ def unlisted_files(folder: Path) -> list[str]:
     return _unlisted(folder, {found[2] for found in _lines(folder) if found}) if (folder / SUMS).is_file() else []
 
 
-def verify(folder: Path) -> tuple[int, tuple[Fault, ...]]:
-    """Return how many files were compared, and those that are not as they were written.
+def verify(folder: Path) -> tuple[int, dict[str, str]]:
+    """Return how many files were compared, and what those are that are not as they were written: ``changed`` and so on.
 
     A SHA256SUMS that another one lists is followed, so the index of a campaign vouches for all its recordings.
 
@@ -56,10 +47,10 @@ def verify(folder: Path) -> tuple[int, tuple[Fault, ...]]:
         what = f"there are {first_of(below, 3)}" if below else "check the path"
         raise Refusal(f"{folder}: found no {SUMS}, expected the output of a command; {what}")
     compared = dict(_compared(folder, Path()))
-    faults = [Fault(name, kind) for name, kind in compared.items() if kind]
+    faults = {name: kind for name, kind in compared.items() if kind}
     listed = set(compared)
     more = (name for name in _unlisted(folder, listed) if not _in_a_folder_of_its_own(name, listed))
-    return len(compared), (*faults, *(Fault(name, "not listed") for name in more))
+    return len(compared), faults | dict.fromkeys(more, "not listed")
 
 
 def _lines(folder: Path) -> list[re.Match[str] | None]:
