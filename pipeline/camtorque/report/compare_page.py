@@ -54,7 +54,7 @@ class ComparedCurves(ReadOnly):
     name : what the pair is called, such as ``1000 rpm``
     theta, lift : (n,) cam angle [rad], lift [m]
     torque_before, torque_after : (n,) measured mean torque [N m]
-    torque_stderr : (n,) standard uncertainty of their difference, shared errors left out [N m]; None if unknown
+    torque_stderr : (n,) standard uncertainty of their difference, shared errors left out [N m]
     pressure_before, pressure_after : (n,) mean line pressure [Pa]
     chamber_before, chamber_after : (n,) rebuilt chamber pressure [Pa], None without
     """
@@ -64,11 +64,11 @@ class ComparedCurves(ReadOnly):
     lift: Array
     torque_before: Array
     torque_after: Array
-    torque_stderr: Array | None
+    torque_stderr: Array
     pressure_before: Array
     pressure_after: Array
-    chamber_before: Array | None = None
-    chamber_after: Array | None = None
+    chamber_before: Array | None
+    chamber_after: Array | None
 
 
 def write_compare(found: Mapping[str, Any], curves: Sequence[ComparedCurves], folder: Path) -> dict[str, Any]:
@@ -225,10 +225,8 @@ def _overlay(pair: ComparedCurves, document: Mapping[str, Any]) -> Curves:
     before, after = (f"{key}: {document[key]['name']}" for key in ("before", "after"))
     torque = (Line(before, pair.torque_before, "measured", 2.0), Line(after, pair.torque_after, "c1", 1.5))
     difference = pair.torque_after - pair.torque_before
-    bands: tuple[Band, ...] = ()
-    if pair.torque_stderr is not None:
-        width = 2.0 * pair.torque_stderr
-        bands = (Band("±2 standard uncertainties", difference - width, difference + width, "chamber"),)
+    width = 2.0 * pair.torque_stderr
+    band = Band("±2 standard uncertainties", difference - width, difference + width, "chamber")
     pressure = [
         Line(f"{kind}, {when}", values / BAR, tone, 1.4, dash)
         for kind, when, values, tone, dash in (
@@ -240,7 +238,7 @@ def _overlay(pair: ComparedCurves, document: Mapping[str, Any]) -> Curves:
     ]  # fmt: skip
     panels = (
         Panel("torque [N m]", torque, height=220.0),
-        Panel("difference [N m]", (Line("after − before", difference, "residual", 1.2),), bands, 120.0),
+        Panel("difference [N m]", (Line("after − before", difference, "residual", 1.2),), (band,), 120.0),
         Panel("pressure [bar]", tuple(pressure), height=150.0),
         Panel("lift [mm]", (Line("lift", 1e3 * pair.lift, "c2"),), height=60.0),
     )
