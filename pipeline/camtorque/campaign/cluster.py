@@ -204,23 +204,7 @@ def _results(client: Any, call: Callable[[T], R], items: Iterable[T]) -> Iterato
     """
     import distributed
 
-    suspects = []
-    for future, item in _done(client, call, items):
-        if isinstance(future.exception(), distributed.KilledWorker):
-            suspects.append(item)
-        else:
-            yield item, future.result()
-        future.release()
-    for item in suspects:
-        future = client.submit(call, item, pure=False)
-        yield item, Lost() if isinstance(future.exception(), distributed.KilledWorker) else future.result()
-
-
-def _done(client: Any, call: Callable[[T], R], items: Iterable[T]) -> Iterator[tuple[Any, T]]:
-    """Yield each future that is done with its item."""
-    import distributed
-
-    waiting = iter(items)
+    waiting, suspects = iter(items), list[T]()
     running: dict[Any, T] = {}
     done = distributed.as_completed()
 
@@ -235,4 +219,11 @@ def _done(client: Any, call: Callable[[T], R], items: Iterable[T]) -> Iterator[t
     for future in done:
         item = running.pop(future)
         fill()
-        yield future, item
+        if isinstance(future.exception(), distributed.KilledWorker):
+            suspects.append(item)
+        else:
+            yield item, future.result()
+        future.release()
+    for item in suspects:
+        future = client.submit(call, item, pure=False)
+        yield item, Lost() if isinstance(future.exception(), distributed.KilledWorker) else future.result()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,12 +17,11 @@ from camtorque.campaign.key import recording_key
 from camtorque.campaign.store import THUMBNAIL, campaign_folder, prepare_folder, read_entry, read_joint_input, removed
 from camtorque.campaign.task import Task, refused, run_task
 from camtorque.config.schemas import RECORDING_FILE
-from camtorque.fit.joint import CampaignFit
 from camtorque.jsonable import now
 from camtorque.process.threads import processors
 from camtorque.process.workers import Lost, on_processes
 from camtorque.progress import Progress, duration_text, silent
-from camtorque.records import Finding, Refusal
+from camtorque.records import Refusal
 from camtorque.report.bundle import CampaignEntry, CampaignResult
 from camtorque.report.campaign_write import write_campaign
 from camtorque.report.checksums import SUMS, visible_files, write_checksums
@@ -86,7 +85,7 @@ def run_campaign(
         joint, more = joint_fit(len(usable), lambda k: read_joint_input(usable[k]), how.processes)
         total = time.perf_counter() - start
         timing = {"recordings": mapped, "joint": total - mapped, "total": total}
-        return _write_index(out, entries, joint, (*findings, *more), timing)
+        return _write_index(out, CampaignResult(tuple(entries), joint, (*findings, *more), timing, now()))
 
 
 def usable_folders(out: Path, entries: Sequence[CampaignEntry]) -> list[Path]:
@@ -189,17 +188,14 @@ def with_help(tasks: Sequence[Task], workers: int) -> list[Task]:
     return [replace(task, helped=0 <= k - first < workers - last) for k, task in enumerate(tasks)]
 
 
-def _write_index(
-    out: Path, entries: Sequence[CampaignEntry], joint: CampaignFit | None, findings: tuple[Finding, ...],
-    timing: Mapping[str, float],
-) -> dict[str, Any]:  # fmt: skip
+def _write_index(out: Path, result: CampaignResult) -> dict[str, Any]:
     """Write page, document and figures of the campaign; each file is replaced as a whole."""
-    if len(entries) <= MOST_THUMBNAILS:
-        entries = [_with_thumbnail(out, entry) for entry in entries]
+    if len(result.entries) <= MOST_THUMBNAILS:
+        result = replace(result, entries=tuple(_with_thumbnail(out, entry) for entry in result.entries))
     with output_files(out) as scratch:
-        doc = write_campaign(CampaignResult(tuple(entries), joint, findings, timing, now()), scratch, out)
+        doc = write_campaign(result, scratch, out)
     own = [path for path in visible_files(out) if path.relative_to(out).parts[0] != "runs"]
-    write_checksums(out, [*own, *(out / entry.folder / SUMS for entry in entries if entry.folder)])
+    write_checksums(out, [*own, *(out / entry.folder / SUMS for entry in result.entries if entry.folder)])
     return doc
 
 
