@@ -30,7 +30,6 @@ from camtorque.units import BORDER_UNITS, did_you_mean, first_of, tidy_unit, uni
 
 ONLY_LOGGER = LoggerSpec("logger", "single")
 """Where recording.toml names no logger."""
-SHEET_ATTRIBUTES = frozenset(key.attribute for key in SHEET_KEYS)
 CHANNELS_AT_MOST = 64
 PER_LOGGER = ("trigger", "index", "encoder_a", "encoder_b", "angle")
 """Quantities that every logger may record, to tie its clock to the others."""
@@ -146,9 +145,8 @@ def _sensor(quantity: str, values: dict[str, Any], idle: dict[str, Any], file: P
             f"{file} [sensors.{quantity}] idle_to_s: an idle stretch needs idle_from_s < idle_to_s, "
             f"found {start} and {stop}"
         )
-    sheet = {name: value for name, value in values.items() if name in SHEET_ATTRIBUTES}
-    rest = {name: value for name, value in values.items() if name not in SHEET_ATTRIBUTES}
-    return SensorRef(quantity=quantity, **rest, idle_from=start, idle_to=stop, sheet=sheet)
+    sheet = {key.attribute: values.pop(key.attribute) for key in SHEET_KEYS}
+    return SensorRef(quantity=quantity, **values, idle_from=start, idle_to=stop, sheet=sheet)
 
 
 def _channel(values: dict[str, Any], loggers: tuple[LoggerSpec, ...], duration: float | None) -> ChannelSpec:
