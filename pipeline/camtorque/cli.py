@@ -16,14 +16,14 @@ from contextlib import suppress
 from importlib import import_module
 from typing import Any, NoReturn
 
-from camtorque.commands import COMMANDS, Outcome
+from camtorque.commands import COMMANDS, REFUSED, Outcome
 from camtorque.commands.arguments import add_arguments
 from camtorque.process.stopping import stoppable
 from camtorque.process.system import described, forget, no_tracebacks, silence_output, usable_streams
 from camtorque.progress import silent
 from camtorque.version import __version__
 
-REFUSED, UNEXPECTED, STOPPED = 2, 70, 130
+UNEXPECTED, STOPPED = 70, 130
 ON_WINDOWS = (
     "camtorque: found Windows, expected Linux or macOS, whose locks and signals its commands need; run it in "
     "WSL (`wsl --install`)"

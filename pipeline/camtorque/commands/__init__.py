@@ -42,8 +42,9 @@ COMMANDS: dict[str, Command] = {
 }
 """Every command in the order of the help; what does it is the module of its name."""
 
-ERRORS, OUTSIDE = 1, 3
-"""Exit status where a finding is an error, and where a value lies outside its limits."""
+FAULTS, REFUSED, OUTSIDE = 1, 2, 3
+"""Exit status where findings are errors, files changed or single recordings are refused; where all is refused; where a
+value lies outside its limits."""
 Tell = Progress
 
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 import argparse
 
 from camtorque.campaign import CampaignOptions, list_recordings, prune, run_campaign, run_only
-from camtorque.commands import Outcome, Tell
+from camtorque.commands import FAULTS, REFUSED, Outcome, Tell
 from camtorque.commands.options import run_options
 from camtorque.commands.texts import campaign_table
-
-SOME_REFUSED, ALL_REFUSED = 1, 2
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
@@ -27,7 +25,7 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     )
     doc = run_campaign(arguments.folder, arguments.out, run_options(arguments, tell), how, tell)
     page, refused = arguments.out / "campaign.html", doc["n_refused"]
-    status = 0 if refused == 0 else ALL_REFUSED if refused == len(doc["recordings"]) else SOME_REFUSED
+    status = 0 if refused == 0 else REFUSED if refused == len(doc["recordings"]) else FAULTS
     return Outcome(f"{campaign_table(doc)}\n\n{page}", {**doc, "report": str(page)}, status)
 
 
@@ -42,5 +40,5 @@ def _only(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     entry = run_only(arguments.only, arguments.folder, arguments.out, options, arguments.retry_failed)
     document = {"name": entry.name, "status": entry.status, "error": entry.error or None, "folder": entry.folder}
     if entry.status != "ok":
-        return Outcome(f"{entry.name}  refused: {entry.error}", document, ALL_REFUSED)
+        return Outcome(f"{entry.name}  refused: {entry.error}", document, REFUSED)
     return Outcome(str(arguments.out / entry.folder / "report.html"), document)

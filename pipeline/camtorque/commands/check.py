@@ -8,7 +8,7 @@ from dataclasses import asdict
 import numpy as np
 
 from camtorque.align import align
-from camtorque.commands import ERRORS, Outcome, Tell
+from camtorque.commands import FAULTS, REFUSED, Outcome, Tell
 from camtorque.commands.texts import finding_lines
 from camtorque.config.quantities import CHANNEL_QUANTITIES
 from camtorque.config.tables import Refusals
@@ -22,7 +22,6 @@ from camtorque.units import RPM, counted
 LOUDEST = ("error", "warning", "info")
 """Severities in the order of the list: what has to be mended is not to stand between long notes."""
 SCHEMA = "camtorque.check/1"
-REFUSED = 2
 RUN_REFUSED = "run_refused"
 LEAST_CYCLES = 4
 """Two to fit, two to score; a test holds it to the fit's own."""
@@ -59,7 +58,7 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
         "usable": ["align"] * (cycles is not None) + ["run"] * (cycles is not None and not lacks),
         "refused": [refusal] if refusal else [],
     }
-    status = ERRORS if any(row["severity"] == "error" for row in findings) else 0
+    status = FAULTS if any(row["severity"] == "error" for row in findings) else 0
     end = cut_flow_lines(cycles, lacks) if cycles else [f"refused   {refusal}"]
     text = "\n".join([_head(summary, cycles), found, *end])
     return Outcome(text, jsonable(doc), REFUSED if refusal else status)

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 
-from camtorque.commands import ERRORS, Outcome, Tell
+from camtorque.commands import FAULTS, Outcome, Tell
 from camtorque.commands.arguments import METHODS
 from camtorque.commands.texts import finding_lines, fit_name
 from camtorque.grid_choice import grid_note
@@ -45,7 +45,7 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
         write_prediction(prediction, inputs, arguments.pump.stem, arguments.out)
         lines.append(str(arguments.out / "predict.html"))
     return Outcome(
-        "\n".join(lines), jsonable({**prediction_document(prediction), "inputs": inputs}), ERRORS if wrong else 0
+        "\n".join(lines), jsonable({**prediction_document(prediction), "inputs": inputs}), FAULTS if wrong else 0
     )
 
 

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from camtorque.commands import Outcome, Tell
+from camtorque.commands import FAULTS, Outcome, Tell
 from camtorque.report.checksums import verify
-
-FAULTS = 1
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
