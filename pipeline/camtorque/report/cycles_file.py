@@ -91,10 +91,14 @@ def _root_attributes(file: h5py.File, recording: Recording) -> None:
 def aligned_variables(cycles: CamCycles) -> list[Variable]:
     """Return the aligned cycles and their mean, without a model."""
     role = np.where(cycles.held_out, b"held_out", b"fitted")
+    deviation, deviation_std = (cycles.details.get(f"angle_deviation{end}") for end in ("", "_std"))
     rows = [
         Variable("cycles/role", role, "1", "fitted cycles make the model, held-out ones score it"),
         Variable("cycles/speed", cycles.speed, "rad/s", "mean cam speed of the cycle"),
-        *_deviation(cycles),
+        *_known("mean/angle_deviation", deviation, "rad", "measured angle ahead of even running within the revolution"),
+        *_known(
+            "mean/angle_deviation_std", deviation_std, "rad", "standard uncertainty of the measured angle deviation"
+        ),
         *_others(cycles),
     ]
     if cycles.pressure.size:
@@ -112,16 +116,9 @@ def aligned_variables(cycles: CamCycles) -> list[Variable]:
     ]
 
 
-def _deviation(cycles: CamCycles) -> list[Variable]:
-    texts = {
-        "angle_deviation": "measured angle ahead of even running within the revolution",
-        "angle_deviation_std": "standard uncertainty of the measured angle deviation",
-    }
-    return [
-        Variable(f"mean/{name}", cycles.details[name], "rad", text)
-        for name, text in texts.items()
-        if name in cycles.details
-    ]
+def _known(path: str, values: Array | None, units: str, long_name: str) -> tuple[Variable, ...]:
+    """Return a variable that not every recording or model has, where this one has it."""
+    return () if values is None else (Variable(path, values, units, long_name),)
 
 
 def _others(cycles: CamCycles) -> list[Variable]:
@@ -137,27 +134,22 @@ def _others(cycles: CamCycles) -> list[Variable]:
 
 def _model(result: RunResult) -> list[Variable]:
     fitted, rigid = result.fitted, result.rigid
-    rows = [
+    std = fitted.chamber_pressure_std
+    return [
         Variable("model/rigid", rigid.torque, "N m", "rigid multibody torque from the line pressure"),
         Variable("model/fitted", fitted.torque, "N m", "fitted model, pressure of the fitted cycles"),
         Variable("model/fitted_held_out", fitted.torque_held_out, "N m", "fitted model, pressure of held-out cycles"),
         Variable("model/true_angle", fitted.true_angle, "rad", "cam angle after trigger angle, twist and delay"),
         Variable("model/lift", rigid.lift, "m", "follower lift at the nominal cam angle"),
         Variable("model/lift_velocity", rigid.lift_velocity, "m/rad", "slope of the lift at the nominal cam angle"),
+        *(
+            Variable(f"model/{group}/{name}", values, "N m", f"torque by cause: {name.replace('_', ' ')}")
+            for group, causes in (("by_cause", fitted.by_cause), ("rigid_by_cause", rigid.by_cause))
+            for name, values in causes.items()
+        ),
+        *_known("model/chamber_pressure", fitted.chamber_pressure, "Pa", "rebuilt pressure on the plunger, gauge"),
+        *_known("model/chamber_pressure_std", std, "Pa", "total standard uncertainty of the chamber pressure"),
     ]
-    rows += [_cause(f"model/by_cause/{name}", values, name) for name, values in fitted.by_cause.items()]
-    rows += [_cause(f"model/rigid_by_cause/{name}", values, name) for name, values in rigid.by_cause.items()]
-    for name, pressure, text in (
-        ("chamber_pressure", fitted.chamber_pressure, "rebuilt pressure on the plunger, gauge"),
-        ("chamber_pressure_std", fitted.chamber_pressure_std, "total standard uncertainty of the chamber pressure"),
-    ):
-        if pressure is not None:
-            rows.append(Variable(f"model/{name}", pressure, "Pa", text))
-    return rows
-
-
-def _cause(path: str, values: Array, name: str) -> Variable:
-    return Variable(path, values, "N m", f"torque by cause: {name.replace('_', ' ')}")
 
 
 def _forces(forces: Forces) -> list[Variable]:
