@@ -48,20 +48,12 @@ class RunOptions:
     limits: tuple[Limit, ...] = ()
 
 
-@dataclass
-class Stopwatch:
-    """Wall time by stage, reported as it goes."""
-
-    progress: Progress
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def stage(self, name: str, text: str) -> Iterator[None]:
-        """Time one stage."""
-        self.progress(text)
-        start = time.perf_counter()
-        yield
-        self.seconds[name] = time.perf_counter() - start
+@contextmanager
+def _timed(seconds: dict[str, float], name: str) -> Iterator[None]:
+    """Note the wall time of a stage."""
+    start = time.perf_counter()
+    yield
+    seconds[name] = time.perf_counter() - start
 
 
 def peak_memory_mb() -> float:
@@ -74,10 +66,11 @@ def peak_memory_mb() -> float:
 
 def analyse(path: Path, options: RunOptions, progress: Progress = silent) -> tuple[RunResult, Prepared]:
     """Return everything about one recording, and what a joint fit needs of it; see `analyse_recording`."""
-    watch = Stopwatch(progress)
-    with watch.stage("ingest", f"reading {path}"):
+    seconds: dict[str, float] = {}
+    progress(f"reading {path}")
+    with _timed(seconds, "ingest"):
         recording = read_recording(path)
-    return analyse_recording(recording, options, progress, watch.seconds)
+    return analyse_recording(recording, options, progress, seconds)
 
 
 @on_one_thread
@@ -90,19 +83,22 @@ def analyse_recording(
     ------
     Refusal : the recording cannot be used
     """
-    watch = Stopwatch(progress, {"ingest": 0.0, **(seconds or {})})
-    with watch.stage("align", "aligning to the cam angle"):
+    spent = {"ingest": 0.0, **(seconds or {})}
+    progress("aligning to the cam angle")
+    with _timed(spent, "align"):
         load_compiler()  # the fit needs it, and a long log is aligned in a third of the time
         cycles = align(recording, options.align)
-    with watch.stage("model", f"rigid model of {cycles.index.size} cycles"):
+    progress(f"rigid model of {cycles.index.size} cycles")
+    with _timed(spent, "model"):
         rigid = rigid_torque(recording, cycles)
         found = load_findings(recording, cycles, rigid)
         found = (*found, *angle_speed_findings(recording, cycles.mean_speed))
         recording = replace(recording, findings=(*summarise(recording, cycles.pulses).findings, *found))
-    with watch.stage("fit", "fitting: which effects, which values, how sure"):
+    progress("fitting: which effects, which values, how sure")
+    with _timed(spent, "fit"):
         prepared = prepare(recording, cycles, rigid)
         fitted = fitted_torque(fit_prepared(prepared, options.fit), recording, cycles, rigid, prepared.means)
-    result = RunResult(recording, cycles, rigid, fitted, watch.seconds, now(), peak_memory_mb(), limits=options.limits)
+    result = RunResult(recording, cycles, rigid, fitted, spent, now(), peak_memory_mb(), limits=options.limits)
     return result, prepared
 
 
