@@ -43,8 +43,8 @@ def build_parser() -> argparse.ArgumentParser:
     parser = OneLineParser(prog="camtorque", description="Measured-vs-model drive torque of cam-driven pumps.")
     parser.add_argument("--version", action="version", version=f"camtorque {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for name, command in COMMANDS.items():
-        add_arguments(commands.add_parser(name, help=command.help, description=command.help), name, command.json)
+    for name, what in COMMANDS.items():
+        add_arguments(commands.add_parser(name, help=what, description=what), name)
     return parser
 
 

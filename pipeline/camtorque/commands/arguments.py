@@ -174,6 +174,7 @@ ARGUMENTS: dict[str, dict[str, Option]] = {
 }  # fmt: skip
 """Command -> option -> keywords of `argparse.ArgumentParser.add_argument`, in the order of the help."""
 JSON = {"--json": flag("one JSON object on standard output")}
+WITHOUT_DOCUMENT = ("study", "completion")
 EVERYWHERE = {
     "--quiet": flag("no progress lines on standard error"), "--debug": flag("show where an unexpected error arose"),
 }  # fmt: skip
@@ -181,9 +182,10 @@ EXCLUSIVE = {"campaign": ("--scheduler", "--cluster", "--only", "--list", "--pru
 """Command -> options of which one may be given."""
 
 
-def add_arguments(parser: argparse.ArgumentParser, command: str, json: bool) -> None:
-    """Add the options of a command to its parser; ``json``: True where it has a document."""
+def add_arguments(parser: argparse.ArgumentParser, command: str) -> None:
+    """Add the options of a command to its parser."""
     alone = EXCLUSIVE.get(command, ())
     group = parser.add_mutually_exclusive_group() if alone else parser
-    for name, how in {**ARGUMENTS[command], **(JSON if json else {}), **EVERYWHERE}.items():
+    json = {} if command in WITHOUT_DOCUMENT else JSON
+    for name, how in {**ARGUMENTS[command], **json, **EVERYWHERE}.items():
         (group if name in alone else parser).add_argument(name, **how)

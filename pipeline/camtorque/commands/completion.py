@@ -34,7 +34,7 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
 def _words(name: str) -> list[str]:
     """Return the options of a command, and the values of an argument that has a list of them."""
     parser = argparse.ArgumentParser(prog=name)
-    add_arguments(parser, name, COMMANDS[name].json)
+    add_arguments(parser, name)
     found: list[str] = []
     for action in parser._actions:  # noqa: SLF001  argparse has no public list of them
         found += action.option_strings or [str(choice) for choice in action.choices or ()]
@@ -47,7 +47,7 @@ def _bash(words: Mapping[str, list[str]], shell: str) -> str:
 
 
 def _fish(words: Mapping[str, list[str]]) -> str:
-    lines = [f"complete -c camtorque -n __fish_use_subcommand -a {name} -d '{COMMANDS[name].help}'" for name in words]
+    lines = [f"complete -c camtorque -n __fish_use_subcommand -a {name} -d '{COMMANDS[name]}'" for name in words]
     for name, row in words.items():
         for word in row:
             kind = f"-l {word[2:]}" if word.startswith("--") else f"-s {word[1:]}" if word[0] == "-" else f"-a {word}"
