@@ -119,9 +119,9 @@ def plan_drawings(document: Mapping[str, Any]) -> list[Drawing]:
     return found
 
 
-def _abscissa(document: Mapping[str, Any]) -> str:
+def _with_unit(text: str, document: Mapping[str, Any]) -> str:
     unit = unit_text(document["unit"])
-    return f"standard uncertainty of {words(document['target'])}" + (f" [{unit}]" if unit else "")
+    return text + (f" [{unit}]" if unit else "")
 
 
 def _expected(document: Mapping[str, Any]) -> Rows:
@@ -130,7 +130,8 @@ def _expected(document: Mapping[str, Any]) -> Rows:
     tones = ("c7", *(len(values) - 1) * ("c1",))
     marks = Marks("", tuple(values), tones)
     notes = tuple(f"± {plus_minus(value)}" for value in values)
-    panel = RowPanel(_abscissa(document), (marks,), shaded=(0.0, document["stderr_wanted"]), notes=notes,
+    name = _with_unit(f"standard uncertainty of {words(document['target'])}", document)
+    panel = RowPanel(name, (marks,), shaded=(0.0, document["stderr_wanted"]), notes=notes,
                      limits=(0.0, 1.25 * max(*values, document["stderr_wanted"])))  # fmt: skip
     return Rows(labels, (panel,), HALF)
 
@@ -152,11 +153,5 @@ def _offer(document: Mapping[str, Any]) -> Curves:
     now, wanted = (np.full(len(speeds), document[key]) for key in ("stderr_now", "stderr_wanted"))
     ends = (Line("now", now, "muted", 1.2, "2 3"), Line("wanted", wanted, "good", 1.2, "2 3"))
     limits = (0.0, 1.08 * max(document["stderr_now"], document["stderr_wanted"]))
-    unit = unit_text(document["unit"])
-    panel = Panel(
-        f"± one standard uncertainty [{unit}]" if unit else "± one standard uncertainty",
-        (*lines[:MOST_CURVES], *ends),
-        height=220.0,
-        limits=limits,
-    )
+    panel = Panel(_with_unit("± one standard uncertainty", document), (*lines[:MOST_CURVES], *ends), limits=limits)
     return Curves(np.array(speeds), "speed [rpm]", (panel,), full_turn=False, width=HALF, live=False)
