@@ -64,6 +64,12 @@ def test_a_fit_that_ends_nowhere_decides_nothing(monkeypatch):
     assert pin_decided([best], quick_halves(NEEDLES)) == ([best], None)
 
 
+def test_a_foot_that_slides_has_no_pin():
+    best = quick(NEEDLES)
+    foot = replace(best, data=with_rows(best.data, {ARM: {"source": "a foot that slides"}}))
+    assert pin_decided([foot], quick_halves(NEEDLES)) == ([foot], None)
+
+
 def test_odds_that_overflow_decide_nothing(monkeypatch):
     def overflowing(*arguments):
         raise np.linalg.LinAlgError

@@ -190,6 +190,19 @@ def test_a_foot_that_does_not_roll_has_no_inertia_to_fit(mass, inertia):
     assert row.prior == (0.0, NO_INERTIA)
 
 
+def test_a_foot_that_slides_rubs_on_its_crown():
+    foot, roller = (
+        rows_of(pump={"roller_inertia": inertia, "roller_radius": 0.15})["pin_arm"] for inertia in (0.0, 1e-6)
+    )
+    assert roller.prior == ROWS["pin_arm"].prior
+    # of lubricated steel: a coefficient of 0.01 to 0.1 on the radius of the crown
+    low, high = (coefficient * 0.15 for coefficient in (0.01, 0.1))
+    assert abs(low - foot.prior[0]) < foot.prior[1]
+    assert abs(high - foot.prior[0]) < 2.0 * foot.prior[1]
+    assert foot.upper > 2.0 * high
+    assert "crown" in foot.meaning
+
+
 def test_a_stated_inertia_of_the_roller_counts_without_its_mass():
     row = rows_of(pump={"roller_mass": None, "roller_inertia": 4.0e-7})["roller_inertia"]
     assert row.prior == pytest.approx((4.0e-7, 2.0e-8))

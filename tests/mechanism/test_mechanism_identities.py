@@ -249,6 +249,23 @@ def test_causes_add_up_to_the_torque():
     assert worst(rough.by_cause["spring"], solved.by_cause["spring"]) < EXACT
 
 
+def test_a_foot_rubs_by_what_the_cam_slides_along_it():
+    mu, pump = 0.05, paper_pump(roller_inertia=0.0, follower_offset=2e-3)
+    mounting, run = case("offset, varying speed")[1:]
+    tables = closed_form_tables(pump, LAW, run.theta, mounting, Friction(0.0, 0.0, mu * pump.roller_radius))
+    lost = tables.torque_by_cause(run.pressure, run.speed, run.acceleration)["pin_friction"]
+    force = tables.evaluate("contact_normal", run.pressure, run.speed, run.acceleration)
+    slips = np.empty_like(run.theta)
+    for k, angle in enumerate(run.theta):
+        centre, normal = (part(0.0) for part in contact_geometry(pump, LAW, mounting, angle)[:2])
+        contact = centre - pump.roller_radius * normal
+        # the cam turns about the origin, the foot follows the lift and does not turn
+        slip = np.array([-contact[1], contact[0] - lift_series(LAW, angle)[1](0.0)])
+        slips[k] = abs(slip @ np.array([normal[1], -normal[0]]))
+    # its own tangential force leaves the normal one by mu tan phi, which the law neglects, as it does for a pin
+    assert worst(lost, mu * force * slips) < mu * np.max(np.abs(tables.kinematics.tan_pressure_angle))
+
+
 def test_spring_and_inertia_give_nothing_over_a_revolution():
     theta = np.arange(3600) * (2.0 * np.pi / 3600)
     solved = solve_rigid(paper_pump(), LAW, theta, np.zeros(3600), 50.0)

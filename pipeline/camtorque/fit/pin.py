@@ -18,6 +18,7 @@ from camtorque.fit.evidence import laplace
 from camtorque.fit.minima import Candidate, Halves, at_minimum, attempted
 from camtorque.fit.problem import with_rows
 from camtorque.fit.uncertainty import covariance
+from camtorque.laws import ROWS
 from camtorque.laws.rows import ParameterRow
 from camtorque.process.second_process import in_two
 
@@ -42,10 +43,11 @@ class OtherPin:
 def pin_decided(minima: Sequence[Candidate], halves: Halves) -> tuple[list[Candidate], OtherPin | None]:
     """Return minima, the best one first, with the more probable kind of pin, and the best one with the other kind.
 
-    The second is None where no fit with a plain bush ends anywhere.
+    The second is None where no fit with a plain bush ends anywhere, and of a foot that slides.
     """
     needles = minima[0]
-    bush = _in_bush(halves, needles)
+    rolls = needles.data.rows[ARM].source == ROWS[ARM].source
+    bush = _in_bush(halves, needles) if rolls else None
     odds = None if bush is None else log_odds(bush, needles)
     if bush is None or odds is None:
         return list(minima), None

@@ -35,6 +35,8 @@ USUAL_TWIST, COUPLING_TWIST = 5.0e-3, 15.0e-3
 """Twist of shaft and of an elastic coupling at the peak torque: 2-10 mrad of a steel shaft at 30 MPa [rad]."""
 SPEED_SWING, LIGHTEST_DRIVE = 0.05, 60.0
 """Swing of the speed within a revolution that a bench may allow [-]; 1/J of a light servo motor [1/(kg m^2)]."""
+SLIDING, MOST_SLIDING = 0.04, 0.3
+"""Friction coefficient of a foot on the cam: lubricated steel has 0.01 to 0.1; dry steel's at most."""
 LEAST_FEED_STD = 0.2e5
 """A gallery sensor's zero, and the way from it to the inlet port [Pa]."""
 
@@ -100,6 +102,19 @@ def _set_roller(rows: dict[str, ParameterRow], pump: PumpData) -> None:
         _set_prior(
             rows, "roller_inertia", roller.inertia, max(0.05 * roller.inertia, NO_INERTIA), "roller of the sheet"
         )
+    if roller.inertia == 0.0:
+        _set_foot(rows, pump.roller_radius)
+
+
+def _set_foot(rows: dict[str, ParameterRow], crown: float) -> None:
+    """Take the friction of a foot with a crown of that radius [m] for that of a pin.
+
+    A roller that does not turn slides by r_r (L/r_r - 1) a radian, so that mu r_r acts as mu r_pin does on a pin.
+    """
+    arm = SLIDING * crown
+    _set(rows, "pin_arm", start=arm, upper=MOST_SLIDING * crown, step=0.1 * arm, prior=(arm, arm),
+         meaning="friction coefficient times radius of the foot's crown",
+         source="a foot that slides: mu 0.01-0.1 of lubricated steel")  # fmt: skip
 
 
 def _set_bridge(rows: dict[str, ParameterRow], torque: SensorCalibration) -> None:

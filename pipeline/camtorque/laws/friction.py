@@ -1,7 +1,8 @@
 """Friction: forces that oppose sliding and rolling, in proportion to the load on the joint.
 
 * bearing: ``mu r |N|``, N the contact force that the camshaft bearings carry;
-* roller pin: ``mu r_pin |N| (L/r_r - 1)``, the roller turns L/r_r - 1 times as fast as the cam;
+* roller pin: ``mu r_pin |N| (L/r_r - 1)``, the roller turns L/r_r - 1 times as fast as the cam; a foot that
+  slides on the cam with mu does so by r_r (L/r_r - 1) a radian: the same with mu r_r;
 * guide: the side force presses the follower against its guide; the friction feeds back on the contact force,
   ``lambda_y = (F_axial) / (1 - mu |tan phi| sign(y'))``, and the follower jams as ``mu |tan phi| -> 1`` on the rise;
 * drag: seals and constant drag of the shaft.
