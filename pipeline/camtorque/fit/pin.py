@@ -62,13 +62,13 @@ def pin_decided(minima: Sequence[Candidate], halves: Halves) -> tuple[list[Candi
 def log_odds(bush: Candidate, needles: Candidate) -> float | None:
     """Return the logarithm of the odds of a plain bush by the evidence of both fits and `BUSHES`.
 
-    It is None where Laplace's approximation overflows.
+    It is None where Laplace's approximation overflows. A cam's side that is too light says nothing of a pin.
     """
     inflation = covariance(needles.problem, needles.solution).inflation
     found = [attempted(laplace, item.problem, item.solution, inflation) for item in (needles, bush)]
     if found[0] is None or found[1] is None:
         return None
-    beside = [(item.value - item.solution.chi_square) / inflation for item in (needles, bush)]
+    beside = [item.unseen / inflation for item in (needles, bush)]
     return 0.5 * (found[0] + beside[0] - found[1] - beside[1]) + math.log(BUSHES / (1.0 - BUSHES))
 
 
