@@ -433,7 +433,7 @@ def test_recordings_that_the_others_predict_badly_are_told(campaign):
     bad = replace(rows[1], metrics=replace(rows[1].metrics, rms_percent_of_peak=1.5))
     (told,) = poor_findings([rows[0], bad, *rows[2:]])
     assert (told.severity, told.where) == ("warning", bad.name)
-    assert f"{bad.name}, left out" in told.text
+    assert f"left out and predicted from the others, {bad.name} is off" in told.text
     assert "1.5 % of the peak (RMS), its highest torque" in told.text
     assert "(nothing of it fitted, at most 1 %)" in told.text
 

@@ -131,8 +131,7 @@ def read_schema(file: Path, schema: str, expected: str) -> tuple[str, Table]:
     if found != schema:
         kind = OTHER_SCHEMA.fullmatch(str(found)[:80])
         other = kind is not None and kind[1] != schema.partition("/")[0]
-        write = f'write schema = "{schema}" at the top'
-        ask = "this is a file of another kind: name one with that schema" if other else write
+        ask = "a file of another kind: name one with that schema" if other else f'write schema = "{schema}" at the top'
         said = "is missing" if found is None else f"is {found!r:.80}"
         raise Refusal(f"{file}: schema {said}, expected {schema!r}; {ask}")
     return text, Table(values, file, "")
@@ -214,11 +213,10 @@ class Table:
 
     def tables(self, name: str) -> list[Table]:
         """Return the tables of an array of tables, at least one."""
-        value = self.values.get(name)
-        if value is None:
-            raise Refusal(f"{self.file}: the table [[{name}]] is missing{did_you_mean(name, [*self.values], 'is it')}")
+        value = self.values.get(name, [])
         if not isinstance(value, list) or not value or not all(isinstance(item, dict) for item in value):
-            raise Refusal(f"{self.file}: expected at least one [[{name}]] table, found {_shown(value)}")
+            hint = "" if name in self.values else did_you_mean(name, [*self.values], "is it")
+            raise Refusal(f"{self.file}: expected at least one [[{name}]] table, found {_shown(value)}{hint}")
         return [Table(item, self.file, f"[[{name}]] no. {number}") for number, item in enumerate(value, start=1)]
 
 

@@ -12,8 +12,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from scipy.special import expit
-
 from camtorque.fit.evidence import laplace
 from camtorque.fit.minima import Candidate, Halves, at_minimum, attempted
 from camtorque.fit.problem import with_rows
@@ -51,7 +49,7 @@ def pin_decided(minima: Sequence[Candidate], halves: Halves) -> tuple[list[Candi
     odds = None if bush is None else log_odds(bush, needles)
     if bush is None or odds is None:
         return list(minima), None
-    probability = float(expit(odds))
+    probability = 0.5 * (1.0 + math.tanh(0.5 * odds))
     if probability < 0.5:
         return list(minima), OtherPin(bush, probability)
     rest = in_two(partial(_in_bush, halves), minima[1:])

@@ -74,7 +74,7 @@ def find_table(path: Path, lines: list[str], has_more: bool) -> Table:
         if len(lines) == 1 and _best_table(lines[0].split("\r")[:SNIFF_LINES]):
             what = "no line end but CR alone, as a CSV for Macintosh has"
         what += _odd_field(lines[:SNIFF_LINES])
-        if has_more:
+        if has_more and len(lines) > 1:
             what += f" in its first {len(lines)} lines, none is looked for below: shorten what stands above the numbers"
         raise Refusal(
             f"{path}: holds {what}; expected columns of numbers separated by one of {', '.join(NAMES.values())}"
