@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from camtorque.records import CamCycles, Estimate, FittedTorque
+from camtorque.report.alignment import aligned_cycles
 from camtorque.report.bundle import RunResult
 from camtorque.report.measured import measured_chamber, measured_document
 from camtorque.report.texts import measured_text
@@ -58,6 +59,14 @@ def test_the_volume_of_a_stroke_stands_beside_that_of_the_model(tmp_path: Path) 
     assert doc["recording"]["fuel_temperature_c"] == pytest.approx(330.0 - 273.15)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "Delivered per stroke: 70 mm³ measured, 66.5 ± 4.0 mm³ by the model (+5.3 %)" in page
+
+
+def test_a_temperature_is_shown_in_degrees_centigrade() -> None:
+    shape = (run_result().cycles.index.size, 720)
+    result = with_channels(fuel_temperature=np.full(shape, 330.0), gallery_pressure=np.full(shape, 4.0e5))
+    curves = {panel.ordinate: panel.lines[0].values for panel in aligned_cycles(result.cycles).panels}
+    assert curves["fuel temperature [°C]"] == pytest.approx(330.0 - 273.15)
+    assert curves["gallery pressure [bar]"] == pytest.approx(4.0)
 
 
 def test_nothing_is_said_to_agree_within_uncertainties_where_the_model_fails() -> None:

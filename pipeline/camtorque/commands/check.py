@@ -105,7 +105,7 @@ def _head(summary: RecordingSummary, cycles: CamCycles | None) -> str:
     lines = [f"{summary.id}  ({summary.file_format or 'format by content'}), {by_pulses}"]
     for row in summary.channels:
         quantity = CHANNEL_QUANTITIES[row.quantity]
-        low, high = quantity.shown_factor * row.low, quantity.shown_factor * row.high
+        low, high = (quantity.shown_factor * value + quantity.shown_offset for value in (row.low, row.high))
         lines.append(
             f"  {row.quantity:9}{row.n_samples:>9} samples at {row.sample_rate:>9.6g} Hz, {row.duration:7.2f} s, "
             f"{low:9.4g} to {high:9.4g} {quantity.shown_unit:4} {row.file} [{row.logger}]"

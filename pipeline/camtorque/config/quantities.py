@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from camtorque.units import BORDER_UNITS, DEGREE, RPM, tidy_unit, unit_factor
+from camtorque.units import BORDER_UNITS, DEGREE, RPM, ZERO_CELSIUS, tidy_unit, unit_factor
 
 
 @dataclass(frozen=True)
@@ -15,7 +15,7 @@ class ChannelQuantity:
     ----------
     dimension : dimension of its units, see `camtorque.units.BORDER_UNITS`
     unit : SI unit of its samples once read
-    shown_unit, shown_factor : unit for people, and that unit per SI
+    shown_unit, shown_factor, shown_offset : unit for people, that unit per SI, and what it shows at 0 in SI
     meaning : one line
     is_pulse : True where edges carry the information: volts or logic levels, no sensor sheet
     """
@@ -26,6 +26,7 @@ class ChannelQuantity:
     shown_factor: float
     meaning: str
     is_pulse: bool = False
+    shown_offset: float = 0.0
 
 
 CHANNEL_QUANTITIES: dict[str, ChannelQuantity] = {
@@ -36,8 +37,10 @@ CHANNEL_QUANTITIES: dict[str, ChannelQuantity] = {
     "encoder_a": ChannelQuantity("voltage", "V", "V", 1.0, "track A of an encoder", True),
     "encoder_b": ChannelQuantity("voltage", "V", "V", 1.0, "track B of an encoder", True),
     "angle": ChannelQuantity("angle", "rad", "deg", 1.0 / DEGREE, "recorded angle, counted on or per revolution"),
-    "fuel_temperature": ChannelQuantity("temperature", "K", "K", 1.0, "temperature of the fuel"),
-    "housing_temperature": ChannelQuantity("temperature", "K", "K", 1.0, "temperature of the housing"),
+    "fuel_temperature": ChannelQuantity("temperature", "K", "°C", 1.0, "temperature of the fuel", False, -ZERO_CELSIUS),
+    "housing_temperature": ChannelQuantity(
+        "temperature", "K", "°C", 1.0, "temperature of the housing", False, -ZERO_CELSIUS
+    ),
     "chamber_pressure": ChannelQuantity("pressure", "Pa", "bar", 1e-5, "pressure above the plunger"),
     "gallery_pressure": ChannelQuantity("pressure", "Pa", "bar", 1e-5, "feed pressure in the suction gallery"),
     "delivered_volume": ChannelQuantity("volume", "m3", "mm3", 1e9, "volume delivered per stroke"),

@@ -278,7 +278,7 @@ PUMP_FILE_TABLES: dict[str, TableSchema] = {
             band=Band(0.0, 0.999, "a guide with more jams")),
         Key("bearing_arm_um", "number", "coefficient times radius of the camshaft bearings", "um", 0.0,
             Band(0.0, 1e5, "of any bearing")),
-        Key("pin_arm_um", "number", "coefficient times radius of the roller pin", "um", 0.0,
+        Key("pin_arm_um", "number", "coefficient times radius of the roller pin, or of a foot that slides", "um", 0.0,
             Band(0.0, 1e5, "of any pin")),
     ), required=False),
 }  # fmt: skip

@@ -41,17 +41,18 @@ def write_alignment(recording: Recording, cycles: CamCycles, created: str, folde
 
 def aligned_cycles(cycles: CamCycles) -> Curves:
     """Show mean and scatter of torque, pressure and all other channels over the cam angle."""
-    rows = [] if cycles.torque is None else [(cycles.torque, 1.0, "drive torque [N m]")]
-    rows += [(cycles.pressure, 1.0 / BAR, "line pressure [bar]")] if cycles.pressure.size else []
+    rows = [] if cycles.torque is None else [(cycles.torque, 1.0, 0.0, "drive torque [N m]")]
+    rows += [(cycles.pressure, 1.0 / BAR, 0.0, "line pressure [bar]")] if cycles.pressure.size else []
     for quantity, values in cycles.channels.items():
         shown = CHANNEL_QUANTITIES[quantity]
         known = values[np.isfinite(values).all(axis=1)]
-        rows.append((known, shown.shown_factor, f"{quantity.replace('_', ' ')} [{shown.shown_unit}]"))
+        label = f"{quantity.replace('_', ' ')} [{shown.shown_unit}]"
+        rows.append((known, shown.shown_factor, shown.shown_offset, label))
     panels = []
-    for values, factor, name in rows:
+    for values, factor, offset, name in rows:
         mean = mean_of(values)
         reach = 2.0 * abs(factor) * std_of(values, mean)
-        mean = factor * mean
+        mean = factor * mean + offset
         band = Band("single cycles, ±2 standard deviations", mean - reach, mean + reach)
         panels.append(Panel(name, (Line("mean", mean, "measured"),), (band,), 200.0))
     return Curves(cycles.theta / DEGREE, CAM_ANGLE, tuple(panels))
