@@ -93,4 +93,4 @@ def test_files_hold_what_was_aligned(tmp_path: Path) -> None:
         assert file["cycles/housing_temperature_mean"].shape == (doc["cycles_used"],)
         assert file["mean/angle_deviation"].attrs["units"] == "rad"
         assert "cycles/pressure" not in file
-    assert "housing temperature [K]" in (tmp_path / "align.html").read_text(encoding="utf-8")
+    assert "housing temperature [°C]" in (tmp_path / "align.html").read_text(encoding="utf-8")

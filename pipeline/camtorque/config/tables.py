@@ -127,11 +127,11 @@ def what_is_beside(path: Path, *, toml: bool = False) -> str:
 def read_schema(file: Path, schema: str, expected: str) -> tuple[str, Table]:
     """Return the text and the whole of a TOML file, which has to be of a schema; ``expected`` as for `read_toml`."""
     text, values = read_toml(file, expected)
-    found = values.get("schema")
-    if found != schema:
+    if (found := values.get("schema")) != schema:
         kind = OTHER_SCHEMA.fullmatch(str(found)[:80])
-        other = kind is not None and kind[1] != schema.partition("/")[0]
-        ask = "a file of another kind: name one with that schema" if other else f'write schema = "{schema}" at the top'
+        other = kind and kind[1] != schema.partition("/")[0]
+        write = f'write schema = "{schema}" at the top'
+        ask = "this is a file of another kind: name one with that schema" if other else write
         said = "is missing" if found is None else f"is {found!r:.80}"
         raise Refusal(f"{file}: schema {said}, expected {schema!r}; {ask}")
     return text, Table(values, file, "")
