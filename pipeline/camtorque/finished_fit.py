@@ -17,7 +17,7 @@ from camtorque.fit.end_shape import Curve
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.prepare import FIT_GRID, on_grid
 from camtorque.fit.problem import SEPARATOR
-from camtorque.hashes import input_file
+from camtorque.hashes import input_file, input_files
 from camtorque.ingest import read_recording
 from camtorque.ingest.cam_table import read_cam_table
 from camtorque.ingest.pump_file import read_pump
@@ -124,7 +124,7 @@ def rig_of(report: Path, pump: Path | None, cam: Path | None) -> Rig:
     torque = config.sensors.get("torque")
     own_table = data.cam_table_path if pump is None and cam is None else None
     sheets = (own_table, None if torque is None else torque.calibration_path)
-    refuse_changed(report, [input_file(sheet) for sheet in sheets if sheet is not None])
+    refuse_changed(report, input_files(*sheets))
     if pump is not None:
         other, findings = read_pump(pump)
         if other.cam_table is None and cam is None:

@@ -1,9 +1,10 @@
-"""SHA-256 of files."""
+"""SHA-256 of files, and where they are."""
 
 from __future__ import annotations
 
 import errno
 import hashlib
+import os
 from functools import partial
 from pathlib import Path
 
@@ -16,6 +17,16 @@ def input_file(path: Path) -> InputFile:
         return InputFile(path, partial(_hash, path, _state(path)))
     except OSError as error:
         raise Refusal(f"{path}: cannot be read ({error.strerror})") from error
+
+
+def input_files(*paths: Path | None) -> tuple[InputFile, ...]:
+    """Return those of some files that there are, each once, as `input_file` does."""
+    return tuple(input_file(path) for path in dict.fromkeys(paths) if path is not None)
+
+
+def real_path(path: Path) -> Path:
+    """Return a path without links; a circle of links stays, for which `Path.resolve` has an error of its own."""
+    return Path(os.path.realpath(path))
 
 
 def file_digest(path: Path) -> str:

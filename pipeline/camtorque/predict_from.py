@@ -32,7 +32,7 @@ from camtorque.fit.load_file import (
     rise_range,
     top_range,
 )
-from camtorque.hashes import input_file
+from camtorque.hashes import input_file, input_files
 from camtorque.ingest import read_recording
 from camtorque.ingest.pump_file import read_pressure_curve
 from camtorque.laws.chain import ChainInput
@@ -131,7 +131,7 @@ def predict_from(
 
 def _inputs(named: Sequence[Path | None], load_of: Path | str | None) -> list[dict[str, str]]:
     """Return the fit and every file that was named beside it, those of a recording whose load it is included."""
-    files = [input_file(path) for path in named if path is not None]
+    files = [*input_files(*named)]
     if load_of is not None:
         report = report_named(Path(load_of))
         files += read_recording(Path(load_of)).inputs if report is None else [input_file(report / "result.json")]

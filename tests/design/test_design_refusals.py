@@ -44,6 +44,7 @@ REFUSED = [
     ({"load": "[[load]]\nspeed_rpm = 5\npressure_bar = 6\nspills_mm = 3\npressure_file = 'p.csv'\n"},
      "pressure_bar: found pressure_bar and pressure_file in one load, expected one of them"),
     ({"load": "[[load]]\nspeed_rpm = 5\nspills_mm = 3\nrecording = 'A'\n"}, "found spills_mm and recording in one"),
+    ({"load": "[[load]]\nspeed_rpm = 5\npressure_file = 5\n"}, "pressure_file: found 5, expected"),
     ({"load": ""}, r"expected at least one \[\[load\]\] table"),
     ({"more": '[answer]\nchoose = "best"\n'}, "choose: found 'best', expected 'knee' or one of the aims"),
     ({"more": "[tolerances]\nlift_um = -1\n"}, "lift_um: found -1, expected a number from 0"),

@@ -10,7 +10,7 @@ from camtorque.commands import FAULTS, Outcome, Tell
 from camtorque.commands.arguments import METHODS
 from camtorque.commands.texts import finding_lines, fit_name
 from camtorque.grid_choice import grid_note
-from camtorque.hashes import input_file
+from camtorque.hashes import input_files
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
 from camtorque.jsonable import jsonable
 from camtorque.mechanism.flight import Aloft
@@ -91,8 +91,7 @@ def _prediction(arguments: argparse.Namespace) -> tuple[Prediction, list[dict[st
     """Return the prediction, and the files that it was made of."""
     config, notes = read_pump(arguments.pump)
     pressure = None if arguments.pressure is None else read_pressure_curve(arguments.pressure)
-    files = dict.fromkeys((arguments.pump, config.pump.cam_table_path, arguments.pressure))
-    inputs = inputs_document(input_file(file) for file in files if file is not None)
+    inputs = inputs_document(input_files(arguments.pump, config.pump.cam_table_path, arguments.pressure))
     n_theta = SAMPLES
     if arguments.tolerance is not None:
         n_theta, note = grid_note(arguments.tolerance)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,7 @@ class Load(ReadOnly):
     events : (j,) lifts at which the rise is evaluated exactly [m]
     source : recording whose fitted chamber pressure it is, empty for none
     delivering : (k,) share of the plunger's flow that leaves for the line at ``lifts``; empty: as the pressure is high
+    pressure_file : its pressure was read from, None for another origin
     """
 
     name: str
@@ -56,6 +58,7 @@ class Load(ReadOnly):
     events: Array
     source: str = ""
     delivering: Array = field(default_factory=lambda: np.zeros(0))
+    pressure_file: Path | None = None
 
     def on_rise(self, lift: Array) -> Array:
         """Return the pressure at some lifts of the rise [Pa]."""
@@ -110,7 +113,8 @@ def loads_of(table: Table, config: PumpConfig, fitted: FittedPump | None) -> lis
         curve = _carried(read_pressure_curve(values["pressure_file"]), cam_of(config), table.where("pressure_file"))
     else:
         curve = _trapezoid(table, values)
-    return [Load(f"{speed / RPM:g} rpm", speed, *curve) for speed in values["speed_rpm"]]
+    file = values["pressure_file"]
+    return [Load(f"{speed / RPM:g} rpm", speed, *curve, pressure_file=file) for speed in values["speed_rpm"]]
 
 
 def _fitted_load(table: Table, recording: str, speed: float, fitted: FittedPump | None) -> Load:

@@ -19,7 +19,7 @@ from camtorque.design.profile import BSPLINE, LAWS, Family
 from camtorque.design.quantities import LOBE, MILLIMETRE, PUMP_FIELDS, QUANTITIES, phase_name
 from camtorque.design.responses import EQUAL, MOST, RESPONSES
 from camtorque.design.schema import ANSWER, ANY_SIZE, DESIGN_SCHEMA, LIFT, TOLERANCES, TOP, read_values
-from camtorque.hashes import input_file
+from camtorque.hashes import input_files
 from camtorque.ingest.pump_file import read_pump
 from camtorque.records import Array, Finding, InputFile, Refusal
 from camtorque.units import DEGREE, expected_one_of
@@ -115,29 +115,27 @@ def read_task(path: Path | str, fitted: FittedPump | None = None) -> Task:
         config = replace(config, friction=fitted.friction)
     lift, free = root.table("lift", optional=True), root.table("free", optional=True)
     shape = read_values(lift, LIFT, "law")
-    loads = root.tables("load")
-    curves = [file.parent / name for table in loads if (name := table.values.get("pressure_file")) is not None]
     fixed = _lobe_values(config, lift, shape, free)
     variables = _variables(free, fixed, len(config.phases))
+    families = _families(lift, shape)
+    loads = tuple(load for table in root.tables("load") for load in loads_of(table, config, fitted))
     return _checked(Task(
         path=file,
         text=text,
         config=config,
-        families=_families(lift, shape),
+        families=families,
         fixed=fixed,
         variables=variables,
-        loads=tuple(load for table in loads for load in loads_of(table, config, fitted)),
+        loads=loads,
         aims=_aims(root.table("aims")),
         limits=_limits(root.table("limits", optional=True)),
         tolerances=read_values(root.table("tolerances", optional=True), TOLERANCES),
         findings=findings,
-        inputs=_inputs(file, config.path, config.pump.cam_table_path, top["fit"], *curves),
+        inputs=input_files(
+            file, config.path, config.pump.cam_table_path, top["fit"], *(load.pressure_file for load in loads)
+        ),
         **read_values(root.table("answer", optional=True), ANSWER),
     ))  # fmt: skip
-
-
-def _inputs(*files: Path | None) -> tuple[InputFile, ...]:
-    return tuple(input_file(file) for file in dict.fromkeys(files) if file is not None)
 
 
 def _families(table: Table, shape: Mapping[str, Any]) -> tuple[Family, ...]:

@@ -15,7 +15,7 @@ from camtorque.config import ChannelSpec, RecordingConfig, SensorRef
 from camtorque.config.quantities import SHEET_NEEDED, channel_factor
 from camtorque.config.recording import load_recording_config
 from camtorque.config.tables import Problems
-from camtorque.hashes import input_file
+from camtorque.hashes import input_files
 from camtorque.ingest.bridge import over_supplies, with_supplies
 from camtorque.ingest.cam_table import read_cam_table
 from camtorque.ingest.formats import FORMATS, declared_format, file_format
@@ -69,7 +69,7 @@ def recording_of(config: RecordingConfig) -> Recording:
         config=config,
         channels=channels,
         lift_table=cam_table,
-        inputs=tuple(input_file(file) for file in dict.fromkeys(files)),
+        inputs=input_files(*files),
         findings=(
             *config.findings,
             *cam_findings,
