@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from camtorque.config.schemas import RECORDING_FILE
-from camtorque.hashes import file_digest
+from camtorque.hashes import file_digest, real_path
 from camtorque.records import InputFile, Refusal
 
 NAME, CAMPAIGN = "result.json", "campaign.json"
@@ -131,7 +131,7 @@ def recording_of(report: Path) -> Path:
             "that"
         )
     named = inputs[0]
-    places = (place / named["path"] for place in (Path(), *report.resolve().parents))
+    places = (place / named["path"] for place in (Path(), *real_path(report).parents))
     found = [place for place in places if place.is_file()]
     for place in found:
         if file_digest(place) == named["sha256"]:

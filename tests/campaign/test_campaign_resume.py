@@ -149,7 +149,7 @@ def test_the_key_holds_every_file_that_a_recording_names(tmp_path: Path) -> None
     names = {path.name for path in key.input_paths(examples / "A_1250rpm")}
     assert {"recording.toml", "A_1250rpm_all.csv", "cam_A.csv", "torque_T22-40117.toml"} <= names
     first = key.recording_key("a", examples / "A_1250rpm", OPTIONS)
-    assert first == key.recording_key("a", examples / "A_1250rpm", RunOptions())
+    assert first == key.recording_key("a", examples / "A_1250rpm", OPTIONS)
     assert first != key.recording_key("b", examples / "A_1250rpm", OPTIONS), "equal recordings do not share a folder"
 
 
@@ -234,6 +234,13 @@ def test_one_alone_and_the_list(analysed: list[str], tmp_path: Path) -> None:
         run_only("nowhere", raw, out, OPTIONS)
     with pytest.raises(Refusal, match=r"--only deep/cc: found no such recording, did you mean 'deep/c'\?"):
         run_only("deep/cc", raw, out, OPTIONS)
+
+
+def test_links_in_a_circle_hold_no_recording(tmp_path):
+    (tmp_path / "one").symlink_to("two")
+    (tmp_path / "two").symlink_to("one")
+    with pytest.raises(Refusal, match="one: found no such folder, expected one with recordings below it"):
+        run_only("one", tmp_path / "one", tmp_path / "out", OPTIONS)
 
 
 def test_one_alone_that_is_called_as_the_folder_is(analysed: list[str], tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from camtorque.config.schemas import RECORDING_FILE
+from camtorque.hashes import real_path
 from camtorque.records import Finding, Refusal
 
 
@@ -24,7 +25,7 @@ def search(folder: Path) -> tuple[dict[str, Path], tuple[Finding, ...]]:
         raise Refusal(f"{folder}: found no such folder, expected one with recordings below it; check the path")
     names: dict[str, Path] = {}
     closed: list[Path] = []
-    first: dict[str, str] = {}
+    first: dict[Path, str] = {}
     found = sorted(_walk(folder, (), closed))
     findings = [
         Finding(
@@ -34,8 +35,8 @@ def search(folder: Path) -> tuple[dict[str, Path], tuple[Finding, ...]]:
     ]
     for path in found:
         name = path.relative_to(folder).as_posix()
-        name = folder.resolve().name if name == "." else name
-        known = first.setdefault(os.path.realpath(path), name)
+        name = real_path(folder).name if name == "." else name
+        known = first.setdefault(real_path(path), name)
         if known != name:
             text = f"{name} is the recording {known} under another name; it counts once"
             findings.append(Finding("linked_twice", "info", text, str(path)))

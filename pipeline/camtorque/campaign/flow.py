@@ -17,6 +17,7 @@ from camtorque.campaign.key import recording_key
 from camtorque.campaign.store import THUMBNAIL, campaign_folder, prepare_folder, read_entry, read_joint_input, removed
 from camtorque.campaign.task import Task, refused, run_task
 from camtorque.config.schemas import RECORDING_FILE
+from camtorque.hashes import real_path
 from camtorque.jsonable import now
 from camtorque.process.threads import processors
 from camtorque.process.workers import Lost, on_processes
@@ -100,7 +101,7 @@ def run_only(name: str, folder: Path, out: Path, options: RunOptions, retry_fail
     ------
     Refusal : there is no recording of that name; ``out`` holds something else or is full
     """
-    places = [folder / name, *([folder] if name == folder.resolve().name else [])]
+    places = [folder / name, *([folder] if name == real_path(folder).name else [])]
     path = next((place for place in places if (place / RECORDING_FILE).is_file()), None)
     if path is None:
         names = list(search(folder)[0])

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import os
 from pathlib import Path
 
 from camtorque.commands import OUTSIDE, Outcome, Tell
 from camtorque.commands.options import run_options
 from camtorque.commands.texts import limit_lines, run_table
+from camtorque.hashes import real_path
 from camtorque.limits import PASS
 from camtorque.process.second_process import second_process
 from camtorque.report.folder import seal
@@ -34,5 +34,5 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
 
 def default_out(recording: Path) -> Path:
     """Return ``reports/NAME``; NAME is the folder that holds recording.toml."""
-    folder = Path(os.path.realpath(recording))
+    folder = real_path(recording)
     return Path("reports") / (folder.parent if recording.suffix == ".toml" else folder).name

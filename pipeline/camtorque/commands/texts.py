@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from camtorque.hashes import real_path
 from camtorque.report.answer import estimate_text, work_parts
 from camtorque.report.numbers import named, typeset, words
 from camtorque.report.verdict import (
@@ -142,4 +142,4 @@ def _band(row: Mapping[str, Any]) -> str:
 def fit_name(path: Path, recordings: Sequence[str]) -> str:
     """Return what a page calls a fit: its only recording, as runs of a campaign lie in folders named by hashes."""
     folder = path if path.is_dir() else path.parent
-    return recordings[0] if len(recordings) == 1 else Path(os.path.realpath(folder)).name
+    return recordings[0] if len(recordings) == 1 else real_path(folder).name

@@ -17,6 +17,7 @@ from camtorque.config.keys import UNKNOWN, Key, TableSchema
 from camtorque.config.quantities import ANGLE_QUANTITIES, CHANNEL_QUANTITIES, SHEET_NEEDED
 from camtorque.config.schemas import RECORDING_FILE, RECORDING_SCHEMA, RECORDING_TABLES
 from camtorque.config.tables import read_toml
+from camtorque.hashes import real_path
 from camtorque.ingest.proposal import Proposal
 from camtorque.ingest.wheel import Wheel, angle_wheel, wheel_of
 from camtorque.records import Refusal
@@ -199,11 +200,11 @@ def _known_of(like: Path | None, folder: Path) -> dict[str, dict[str, Any]]:
 
 
 def _relative(path: Path, folder: Path) -> str:
-    return Path(os.path.relpath(os.path.realpath(path), os.path.realpath(folder))).as_posix()
+    return Path(os.path.relpath(real_path(path), real_path(folder))).as_posix()
 
 
 def _recording(folder: Path, wheel: Wheel | None) -> dict[str, Any]:
-    values: dict[str, Any] = {"id": Path(os.path.realpath(folder)).name or "recording", "pump_id": UNKNOWN}
+    values: dict[str, Any] = {"id": real_path(folder).name or "recording", "pump_id": UNKNOWN}
     if wheel is not None and 60.0 * wheel.speed <= FASTEST:
         values["nominal_speed_rpm"] = round(60.0 * wheel.speed, 1)
     return values

@@ -16,6 +16,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from camtorque.hashes import real_path
 from camtorque.process.stopping import before_leaving
 from camtorque.process.system import described
 from camtorque.records import Refusal
@@ -55,7 +56,7 @@ def check_output(target: Path, marker: str) -> None:
     """
     if target.is_file():
         raise Refusal(f"output {target}: found a file, expected a folder; choose another name")
-    whole = _real(target)
+    whole = real_path(target)
     if whole.is_mount() or whole == Path.cwd():
         kind = "the place of a disk" if whole.is_mount() else "the folder in which the command runs"
         raise Refusal(
@@ -91,7 +92,7 @@ def check_writable(target: Path) -> None:
     ------
     Refusal : the nearest folder that exists is a file or may not be written to
     """
-    above = _real(target)
+    above = real_path(target)
     while not above.exists():
         if above.is_symlink():
             raise Refusal(f"output {target}: found links in a circle at {above}, expected folders; choose another name")
@@ -100,11 +101,6 @@ def check_writable(target: Path) -> None:
         raise Refusal(f"output {target}: found a file {above} on the way, expected folders; choose another name")
     if not os.access(above, os.W_OK | os.X_OK):
         raise Refusal(f"output {target}: found that {above} cannot be written to, expected a folder of yours")
-
-
-def _real(path: Path) -> Path:
-    """Return a path without links; a circle of links stays, for which `Path.resolve` has an error of its own."""
-    return Path(os.path.realpath(path))
 
 
 def _is_own(folder: Path) -> bool:
@@ -135,10 +131,10 @@ def output_folder(target: Path, marker: str) -> Iterator[Path]:
     Refusal : see `check_output`; another run writes there; the place cannot be written, is full or went away
     """
     check_output(target, marker)
-    with _written_beside(target, _real(target)) as partial:
+    with _written_beside(target, real_path(target)) as partial:
         yield partial
         seal(partial, target.name)
-        _replace(partial, _real(target))
+        _replace(partial, real_path(target))
 
 
 def seal(folder: Path, name: str) -> None:
@@ -160,7 +156,7 @@ def output_files(target: Path) -> Iterator[Path]:
     Refusal : another run writes there; the place cannot be written, is full or went away
     """
     # inside a folder that is there: beside it may be another disk, or not one's own
-    place = _real(target) / "files" if target.is_dir() else _real(target)
+    place = real_path(target) / "files" if target.is_dir() else real_path(target)
     with _written_beside(target, place) as partial:
         yield partial
         for file in sorted(partial.rglob("*")):
@@ -184,7 +180,7 @@ def _written_beside(target: Path, place: Path) -> Iterator[Path]:
     try:
         made += _made_parents(partial.parent)
         _need_space(target, partial.parent)
-        restore_earlier(_real(target))
+        restore_earlier(real_path(target))
         lock = _claimed(target, partial)
         try:
             with before_leaving(remove_parents), before_leaving(lambda: shutil.rmtree(partial, ignore_errors=True)):
