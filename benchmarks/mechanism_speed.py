@@ -234,6 +234,7 @@ and y, guide force and moment, Hertz stress). {machine}.
 ![cost](mechanism_speed.png)
 
 - The compiled closed form is bound by memory: it writes what the copy writes. The target is 1.1 times the copy.
+  It is the pass of the study of inverse dynamics; commands solve the closed form with its kinematics included.
 - "Kinematics included, one cycle" is a call of `solve_shaft` from the lift law on, with its checks, eleven outputs and
   fresh memory for them; the target is 15 times the copy.
 - Recursion, closed form and elastic shaft (fixed-point iteration to 1e-12, whole-shaft stiffness kept) grow in
