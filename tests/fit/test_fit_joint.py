@@ -114,9 +114,10 @@ def test_a_recording_has_its_own_parameters_whatever_another_is_called():
 
 def test_one_switch_is_late_in_all_recordings_alike(prepared, solved):
     late = [replace(item, switching_std=angle) for item, angle in zip(prepared, (0.001, 0.002, 0.003), strict=True)]
-    fit = joint_fit_of(late, *solved).recording(0)
+    prompt = [replace(item, switching_std=0.0) for item in prepared]
+    fit, known = (joint_fit_of(items, *solved).recording(0) for items in (late, prompt))
     k = fit.problem.index("trigger_offset")
-    assert fit.std[k] == pytest.approx(np.hypot(fit.covariance.std[k], 0.002))  # not averaged away
+    assert fit.std[k] == pytest.approx(np.hypot(known.std[k], 0.002))  # not averaged away
 
 
 def test_shared_parameters_are_told_better_together(prepared, campaign):
@@ -541,6 +542,8 @@ def test_the_inverse_of_an_arrow_is_told_without_the_whole_matrix():
     np.testing.assert_allclose(found.std, np.sqrt(np.diag(expected)), rtol=1e-8)
     chosen = [6, 1, 0, 5]  # own ones of two recordings, in any order
     np.testing.assert_allclose(found.among(chosen), expected[np.ix_(chosen, chosen)], rtol=1e-6)
+    vector = chance.normal(size=7) / np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(found.times(vector), expected @ vector, rtol=1e-6)
     of, block = found.of(0)
     np.testing.assert_allclose(block, expected[np.ix_(of, of)], rtol=1e-6)
 

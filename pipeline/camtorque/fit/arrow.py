@@ -138,6 +138,17 @@ class ArrowCovariance(ReadOnly):
             variance[place] = np.einsum("ij,jk,ik->i", through, self.matrix, through) + np.diag(rest)
         return np.sqrt(variance)
 
+    def times(self, vector: Array) -> Array:
+        """Return the product with a vector (k,)."""
+        shared = vector[self.shared].copy()
+        for place, through in zip(self.own, self.through, strict=True):
+            shared += through.T @ vector[place]
+        total = np.zeros(self.size)
+        total[self.shared] = shared = self.matrix @ shared
+        for place, through, rest in zip(self.own, self.through, self.rest, strict=True):
+            total[place] = through @ shared + rest @ vector[place]
+        return total
+
     def of(self, recording: int) -> tuple[Places, Array]:
         """Return the places of the shared parameters and of a recording's own (m,), and their covariance (m, m)."""
         weight = np.vstack([np.eye(self.shared.size), self.through[recording]])

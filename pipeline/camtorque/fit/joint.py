@@ -42,6 +42,7 @@ from camtorque.fit.joint_input import (
     refuse_two_states,
     with_common_rows,
 )
+from camtorque.fit.joint_pin import pin_shift, with_likelier_pin
 from camtorque.fit.joint_solver import JointSolution, solve_many
 from camtorque.fit.leftout import HeldOut, Predicted, left_out, poor_findings, predicted, settling_findings
 from camtorque.fit.minima import attempted
@@ -50,7 +51,7 @@ from camtorque.fit.problem import FitData, Problem, build_problem, in_structure,
 from camtorque.fit.result import parameter_estimates
 from camtorque.fit.search import SCAN_KEPT, SCAN_SHARES
 from camtorque.fit.shared_lift import SharedLift, given_to
-from camtorque.fit.single import SWITCHING, switching_shift
+from camtorque.fit.single import PIN, SWITCHING, switching_shift
 from camtorque.fit.solver import approach, lift_at, try_at
 from camtorque.fit.starts import SEARCH_LIFT_CUT, chi_square_at_start, ends_at
 from camtorque.process.threads import Each, in_turn, side_by_side
@@ -268,6 +269,7 @@ def _fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], each: 
             break
         excluded += [known[places[k]].name for k in odd]
         places = [place for k, place in enumerate(places) if k not in odd]
+    problem, solution = with_likelier_pin(problem, solution, each)
     drifts = shared_drifts(used) if len(used) > 2 else ()
     fit = joint_fit_of(used, problem, solution, drifts)
     others = left_out(fit)
@@ -319,5 +321,6 @@ def joint_fit_of(
         "drift of what should be the same": spread[None],
         # one sensor, one delay: the angle at the mean speed
         SWITCHING: switching_shift(problem, float(np.mean([item.switching_std for item in inputs])))[None],
+        PIN: pin_shift(problem, solution, covariance)[None],
     }
     return JointFit(problem, solution, covariance, shifts)

@@ -11,10 +11,12 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import cast
 
 from camtorque.fit.evidence import laplace
 from camtorque.fit.minima import Candidate, Halves, at_minimum, attempted
 from camtorque.fit.problem import with_rows
+from camtorque.fit.truncated import one_sided_moments
 from camtorque.fit.uncertainty import covariance
 from camtorque.laws import ROWS
 from camtorque.laws.rows import ParameterRow
@@ -68,6 +70,55 @@ def log_odds(bush: Candidate, needles: Candidate) -> float | None:
         return None
     beside = [item.unseen / inflation for item in (needles, bush)]
     return 0.5 * (found[0] + beside[0] - found[1] - beside[1]) + math.log(BUSHES / (1.0 - BUSHES))
+
+
+@dataclass(frozen=True)
+class OtherKind:
+    """The kind of pin that a minimum does not have: its prior, the logarithm of its odds, how far it moves the arm [m].
+
+    ``rows`` are what it changes of the arm's row.
+    """
+
+    rows: Mapping[str, object]
+    log_odds: float
+    moved: float
+
+
+def other_kind(row: ParameterRow, mean: float, std: float) -> OtherKind | None:
+    """Return what the other kind of pin makes of a minimum, by its Gaussian with the one prior in place of the other.
+
+    It is None of a foot that slides.
+
+    Parameters
+    ----------
+    row : of the pin's arm at the minimum
+    mean, std : of the arm, as if it had no bounds [m]
+    """
+    needles = {"prior": ROWS[ARM].prior, "source": ROWS[ARM].source}
+    turned = {ROWS[ARM].source: BUSH, BUSH["source"]: needles}.get(row.source)
+    if turned is None or row.prior is None:
+        return None
+    information = max(1.0 / std**2 - 1.0 / row.prior[1] ** 2, 0.0)
+    pulled = mean / std**2 - row.prior[0] / row.prior[1] ** 2
+    (log_now, now), (log_other, other) = (
+        _with_prior(information, pulled, prior, (row.lower, row.upper))
+        for prior in (row.prior, cast(tuple[float, float], turned["prior"]))
+    )
+    share = BUSHES if turned is BUSH else 1.0 - BUSHES
+    return OtherKind(turned, log_other - log_now + math.log(share / (1.0 - share)), other - now)
+
+
+def _with_prior(
+    information: float, pulled: float, prior: tuple[float, float], bounds: tuple[float, float]
+) -> tuple[float, float]:
+    """Return the logarithm of the evidence of data with a prior, up to a constant, and the mean within bounds."""
+    centre, width = prior
+    variance = 1.0 / (information + width**-2)
+    mean = variance * (pulled + centre / width**2)
+    inside, within, _ = one_sided_moments(mean, math.sqrt(variance), *bounds)
+    before, *_ = one_sided_moments(centre, width, *bounds)
+    quadratic = mean**2 / variance - (centre / width) ** 2 + math.log(variance / width**2)
+    return 0.5 * quadratic + inside - before, within
 
 
 def of_most(rows: Sequence[ParameterRow]) -> list[ParameterRow]:
