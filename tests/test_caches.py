@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import re
 import shutil
@@ -76,14 +77,22 @@ def test_a_folder_that_somebody_else_could_fill_is_not_used(nowhere: Path, plant
     assert all(expected not in Path(place).parents for place in placed().values())
 
 
-def test_every_room_with_compiled_functions_counts() -> None:
-    rooms = {
-        path.parent.name
-        for path in PACKAGE.rglob("*.py")
-        if re.search(r"^@(njit|elementwise)\b", path.read_text(encoding="utf-8"), flags=re.M)
-    }
-    assert rooms
-    assert rooms <= set(caches.COMPILED_IN)
+def test_every_room_with_compiled_functions_or_their_constants_counts() -> None:
+    rooms = set()
+    for path in PACKAGE.rglob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        if re.search(r"^@(njit|elementwise)\b", text, flags=re.M):
+            rooms.add(path.parent)
+            taken = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom) and node.module]
+            frozen = [node.module for node in taken if any(alias.name.isupper() for alias in node.names)]
+            rooms |= {
+                (PACKAGE.parent / name.replace(".", "/")).with_suffix(".py").parent
+                for name in frozen
+                if name.startswith("camtorque") and not (PACKAGE.parent / name.replace(".", "/")).is_dir()
+            }
+    names = {room.relative_to(PACKAGE).as_posix() for room in rooms}
+    assert {".", "laws"} <= names  # units
+    assert names <= set(caches.COMPILED_IN)
 
 
 def test_what_was_compiled_from_other_sources_is_deleted(tmp_path: Path) -> None:

@@ -6,12 +6,10 @@ pump and losses are `camtorque run`'s, here it is the measurement that is looked
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +17,8 @@ import numpy as np
 from camtorque.align import align
 from camtorque.config.recording import load_recording_config
 from camtorque.config.schemas import RECORDING_FILE
+from camtorque.growing import read_so_far
 from camtorque.ingest import read_recording
-from camtorque.ingest.recording import recording_of
 from camtorque.mechanism.load_check import on_base
 from camtorque.process.threads import on_one_thread
 from camtorque.records import CamCycles, CutFlowRow, Recording, Refusal
@@ -264,9 +262,12 @@ def _growing(folder: Path, options: WatchOptions) -> Looks:
         if now == sizes:
             yield [Waiting(config.id, "the files do not grow")] if blocks else []
             continue
+        if any(size < before for size, before in zip(now, sizes, strict=False)):
+            memory, told, found, sizes = Memory(), 0, 0, now
+            yield [Waiting(config.id, "a log has become shorter: it was begun again, and all is counted anew")]
         sizes = now
         try:
-            recording, cycles = _so_far(folder)
+            recording, cycles = read_so_far(folder)
         except Refusal as refusal:
             yield [Waiting(config.id, str(refusal))]
             continue
@@ -280,33 +281,6 @@ def _growing(folder: Path, options: WatchOptions) -> Looks:
         lost = max(cycles.cycles_found - found - new, 0)
         told, found = int(cycles.index[-1]) + 1, cycles.cycles_found
         yield [look(f"{config.id} block {blocks}", recording, cycles, rows, lost, memory, options.enough_percent)]
-
-
-@on_one_thread
-def _so_far(folder: Path) -> tuple[Recording, CamCycles]:
-    """Return a growing recording up to the last whole line of each of its files."""
-    config = load_recording_config(folder)
-    with tempfile.TemporaryDirectory(prefix="camtorque-watch-") as scratch:
-        copies = {
-            path: _whole_lines(path, Path(scratch) / f"{number}_{path.name}")
-            for number, path in enumerate(dict.fromkeys(spec.path for spec in config.channels))
-        }
-        channels = tuple(replace(spec, path=copies[spec.path], duration=None) for spec in config.channels)
-        recording = recording_of(replace(config, channels=channels))
-        return recording, align(recording)
-
-
-def _whole_lines(path: Path, copy: Path) -> Path:
-    """Copy a file that another program writes, without the line that is being written."""
-    if not path.is_file():
-        raise Refusal(f"{path}: found no such file yet, expected the log to begin; start the logger")
-    shutil.copyfile(path, copy)
-    with copy.open("rb+") as file:
-        end = file.seek(0, 2)
-        tail = min(end, 1 << 16)
-        file.seek(end - tail)
-        file.truncate(end - tail + file.read(tail).rfind(b"\n") + 1)
-    return copy
 
 
 def _appearing(folder: Path, options: WatchOptions) -> Looks:

@@ -92,6 +92,46 @@ def test_it_stops_when_there_are_enough(bench: Path, replay: Replay) -> None:
     assert replay.now < DURATION
 
 
+def test_a_log_that_is_begun_again_is_counted_anew(bench: Path, replay: Replay) -> None:
+    looks = watch(bench, WatchOptions(every=1.0, block_cycles=8, seconds=60.0), replay.sleep, replay.clock)
+    assert any(isinstance(item, Block) for item in looks)
+    replay.now = -0.6  # the next look is a second later
+    again = [next(looks), next(looks)]
+    assert isinstance(again[0], Waiting)
+    assert "begun again" in again[0].reason
+    assert isinstance(again[1], Block)
+    assert again[1].name == "A_1250rpm block 2"
+    assert again[1].drift_nm is None
+
+
+def test_what_cannot_be_used_yet_is_told_by_its_own_name(bench: Path) -> None:
+    (bench / LOG).write_text("no log\n")
+    (told,) = watch(bench, WatchOptions(seconds=0.0))
+    assert isinstance(told, Waiting)
+    assert str(bench / LOG) in told.reason
+    assert "camtorque-watch" not in told.reason
+
+
+def test_a_binary_log_is_not_cut_at_a_line(bench: Path) -> None:
+    shutil.copytree(ROOT / "raw_examples" / "A_1000rpm", bench.parent / "binary")
+    folder = bench.parent / "binary"
+    (whole,) = [item for item in watch(folder, WatchOptions(seconds=0.0)) if isinstance(item, Block)]
+    assert whole.cycles == camtorque.align(folder).index.size
+    (log,) = folder.glob("*.tdms")
+    log.write_bytes(log.read_bytes()[: log.stat().st_size // 2])
+    (told,) = watch(folder, WatchOptions(seconds=0.0))
+    assert isinstance(told, Waiting)
+    assert told.reason.endswith(f"({log.name}: not every binary log can be read before it is finished)")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_a_text_is_read_up_to_its_last_whole_line(bench: Path, replay: Replay, encoding: str) -> None:
+    text = (replay.head + b"".join(replay.lines[:40_000])).decode("utf-8-sig")
+    (bench / LOG).write_bytes((text + "1.23").encode(encoding))
+    (told,) = watch(bench, WatchOptions(block_cycles=8, seconds=0.0))
+    assert isinstance(told, Block)
+
+
 def test_finished_recordings_are_told_once_they_do_not_grow(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
     shutil.copy(EXAMPLE / LOG, bench / LOG)
     (bench.parent / "B").mkdir()
@@ -239,7 +279,7 @@ def test_a_cycle_is_in_one_block_though_earlier_ones_are_cut_later(
 
     last = kept([*range(30)])
     looks = chain([kept([*range(10)]), kept([2, 3, *range(5, 20)])], repeat(last))
-    monkeypatch.setattr("camtorque.watch._so_far", lambda _: (recording, next(looks)))
+    monkeypatch.setattr("camtorque.watch.read_so_far", lambda _: (recording, next(looks)))
     replayed = Replay(bench, b"", [b"1;2;3\n"] * int(10 * RATE))
     seen = watch(bench, WatchOptions(every=0.1, block_cycles=10, seconds=0.3), replayed.sleep, replayed.clock)
     blocks = [item for item in seen if isinstance(item, Block)]

@@ -286,9 +286,47 @@ def test_a_damaged_store_says_what_to_do(analysed: list[str], tmp_path: Path) ->
         (folder / store.JOINT).write_bytes(damaged)
         with pytest.raises(Refusal, match=r"joint.bin: cannot be used .*; delete .* and run again"):
             run_campaign(raw, out, OPTIONS)
-    (folder / store.ENTRY).write_text('{"schema": ')
-    with pytest.raises(Refusal, match=r"entry.json: is damaged .*; delete"):
-        run_campaign(raw, out, OPTIONS)
+
+
+def test_one_damaged_folder_stops_no_other(analysed: list[str], tmp_path: Path) -> None:
+    raw, out = make(tmp_path / "raw", a="say", b="say", c="say"), tmp_path / "out"
+    folders = [out / row["folder"] for row in run_campaign(raw, out, OPTIONS)["recordings"]]
+    (folders[0] / store.ENTRY).write_text('{"schema": ')
+    (folders[1] / store.ENTRY).unlink()
+    (folders[1] / "thesis.tex").touch()
+    doc = run_campaign(raw, out, OPTIONS)
+    assert statuses(doc) == {"a": "refused", "b": "refused", "c": "ok"}
+    assert re.search(r"entry.json: is damaged .*; delete .* and run again", doc["recordings"][0]["error"])
+    assert "choose another name" in doc["recordings"][1]["error"]
+    assert (folders[1] / "thesis.tex").is_file()
+
+
+def test_what_an_earlier_index_had_and_this_one_has_not_is_gone(
+    analysed: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    raw, out = make(tmp_path / "raw", a="say", b="say"), tmp_path / "out"
+    write, fitted = flow.write_campaign, [True]
+
+    def with_fit(result: Any, folder: Path, reports: Path) -> dict[str, Any]:
+        if fitted:
+            (folder / "fit.json").write_text(str(len(result.entries)))
+        return write(result, folder, reports)
+
+    monkeypatch.setattr(flow, "write_campaign", with_fit)
+    run_campaign(raw, out, OPTIONS)
+    assert (out / "fit.json").read_text() == "2"
+    (out / "notes.txt").write_text("mine")
+    (tmp_path / "elsewhere").write_text("mine")
+    with (out / "SHA256SUMS").open("a") as sums:  # edited by hand
+        sums.write(f"{'0' * 64}  ../elsewhere\n")
+    fitted.clear()
+    run_campaign(raw, out, OPTIONS)
+    assert not (out / "fit.json").exists()
+    assert "fit.json" not in (out / "SHA256SUMS").read_text()
+    assert (out / "campaign.html").is_file()
+    assert (out / "notes.txt").is_file()
+    assert (tmp_path / "elsewhere").is_file()
+    assert verify(out)[1] == {}
 
 
 class Foreign:

@@ -52,6 +52,26 @@ def test_two_runs_into_one_folder(target: Path) -> None:
     assert left(target) == ["SHA256SUMS", "result.json"]
 
 
+def test_a_second_run_leaves_alone_what_the_first_has_set_aside_to_replace(
+    target: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rename, told = Path.rename, list[str]()
+
+    def at_the_worst_moment(self: Path, place: Path) -> Path:
+        if self.name == ".out.partial":  # the earlier result stands aside, the new one is not in its place yet
+            with pytest.raises(Refusal, match="another run is writing there"), output_folder(target, "result.json"):
+                pass
+            told.extend(left(target.parent))
+        return rename(self, place)
+
+    monkeypatch.setattr(Path, "rename", at_the_worst_moment)
+    with output_folder(target, "result.json") as folder:
+        (folder / "result.json").write_text(OLD.replace("1", "2"))
+    assert told == [".out.earlier", ".out.partial"]
+    assert (target / "result.json").read_text() == OLD.replace("1", "2")
+    assert left(target.parent) == ["out"]
+
+
 def test_what_a_killed_run_left_is_cleared_away(target: Path) -> None:
     partial = target.with_name(".out.partial")
     (partial / "figures").mkdir(parents=True)

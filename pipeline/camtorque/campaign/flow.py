@@ -25,7 +25,7 @@ from camtorque.progress import Progress, duration_text, silent
 from camtorque.records import Refusal
 from camtorque.report.bundle import CampaignEntry, CampaignResult
 from camtorque.report.campaign_write import write_campaign
-from camtorque.report.checksums import SUMS, visible_files, write_checksums
+from camtorque.report.checksums import SUMS, listed_files, visible_files, write_checksums
 from camtorque.report.folder import output_files
 from camtorque.results import CAMPAIGN
 from camtorque.run import RunOptions
@@ -190,11 +190,18 @@ def with_help(tasks: Sequence[Task], workers: int) -> list[Task]:
 
 
 def _write_index(out: Path, result: CampaignResult) -> dict[str, Any]:
-    """Write page, document and figures of the campaign; each file is replaced as a whole."""
+    """Write page, document and figures of the campaign; each file is replaced as a whole, what is none any more goes.
+
+    A joint fit of recordings that are no longer there would be taken for one of those that are.
+    """
     if len(result.entries) <= MOST_THUMBNAILS:
         result = replace(result, entries=tuple(_with_thumbnail(out, entry) for entry in result.entries))
+    earlier = {name for name in listed_files(out) if Path(name).parts[0] != "runs"}
     with output_files(out) as scratch:
         doc = write_campaign(result, scratch, out)
+        written = {path.relative_to(scratch).as_posix() for path in visible_files(scratch)}
+    for name in earlier - written:
+        (out / name).unlink(missing_ok=True)
     own = [path for path in visible_files(out) if path.relative_to(out).parts[0] != "runs"]
     write_checksums(out, [*own, *(out / entry.folder / SUMS for entry in result.entries if entry.folder)])
     return doc

@@ -45,14 +45,18 @@ def run_task(task: Task) -> CampaignEntry:
     CannotWrite : the output is full or went away, which no other recording would survive either
     """
     folder = task.runs / recording_key(task.name, task.path, task.options)
-    known = read_entry(folder)
-    if known is not None and (known.status == "ok" or not task.retry_failed):
-        return known
     try:
+        known = read_entry(folder)
+        if known is not None and (known.status == "ok" or not task.retry_failed):
+            return known
         with output_folder(folder, "entry.json") as partial:
             return _done(task, folder.name, partial)
     except Busy:
         return refused(task.name, "another process is computing it; run again after its end")
+    except CannotWrite:
+        raise
+    except Refusal as refusal:  # of what is kept in its folder
+        return refused(task.name, str(refusal))
     except (OSError, MemoryError) as error:
         return refused(task.name, f"{type(error).__name__}: {error}; run again")
 

@@ -86,6 +86,8 @@ FORMATS: dict[str, Format] = {
                   lambda head: b"\x00" not in head or bool(utf16(head))),
 }  # fmt: skip
 """Name of a format -> how it is recognised and what reads it; the first that fits a file's beginning is its format."""
+LINE_BY_LINE = ("csv", "lvm")
+"""Of these, the texts: what stands in one up to its last whole line can be read while it is being written."""
 
 UNREADABLE = {
     "MDF 2 or 3": lambda head: head.startswith((b"MDF     ", b"UnFinMF ")) and head[8:9] < b"4",

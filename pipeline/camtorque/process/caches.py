@@ -15,8 +15,9 @@ from pathlib import Path
 PLACES = {"NUMBA_CACHE_DIR": "numba", "MPLCONFIGDIR": "matplotlib"}
 """Environment variable -> folder below the private one."""
 
-COMPILED_IN = ("align", "design", "fit", "laws", "mechanism", "signal", "studies")
-"""Rooms that have compiled functions, or constants of theirs."""
+COMPILED_IN = (".", "align", "design", "fit", "laws", "mechanism", "signal", "studies")
+"""Rooms that have compiled functions, or constants of theirs, as the top has units: not all, so that a page may change
+without a quarter of a minute of compiling."""
 SOURCES = "camtorque.sources"
 """File beside compiled functions that tells which sources they were made from."""
 

@@ -28,9 +28,19 @@ def visible_files(folder: Path) -> list[Path]:
     return sorted(p for p in found if not any(part.startswith(".") for part in p.relative_to(folder).parts))
 
 
+def listed_files(folder: Path) -> set[str]:
+    """Return the names, relative to the folder of an output, that its SHA256SUMS lists; none without one."""
+    lines = _lines(folder) if (folder / SUMS).is_file() else []
+    return {found[2] for found in lines if found and _is_inside(found[2])}
+
+
+def _is_inside(name: str) -> bool:
+    return not name.startswith("/") and ".." not in name.split("/")
+
+
 def unlisted_files(folder: Path) -> list[str]:
     """Return the files of an output that its SHA256SUMS does not list: somebody put them there; none without one."""
-    return _unlisted(folder, {found[2] for found in _lines(folder) if found}) if (folder / SUMS).is_file() else []
+    return _unlisted(folder, listed_files(folder)) if (folder / SUMS).is_file() else []
 
 
 def verify(folder: Path) -> tuple[int, dict[str, str]]:
@@ -67,7 +77,7 @@ def _unlisted(folder: Path, listed: set[str]) -> list[str]:
 def _compared(folder: Path, below: Path) -> Iterator[tuple[str, str]]:
     """Yield each listed file with its fault, "" where it is as it was."""
     for number, found in enumerate(_lines(folder / below), 1):
-        if found is None or found[2].startswith("/") or ".." in found[2].split("/"):
+        if found is None or not _is_inside(found[2]):
             yield f"{(below / SUMS).as_posix()} line {number}", "damaged"
             continue
         place = below / found[2]

@@ -180,9 +180,9 @@ def _written_beside(target: Path, place: Path) -> Iterator[Path]:
     try:
         made += _made_parents(partial.parent)
         _need_space(target, partial.parent)
-        restore_earlier(real_path(target))
         lock = _claimed(target, partial)
         try:
+            restore_earlier(real_path(target))  # only now: it may be aside because another run is about to end
             with before_leaving(remove_parents), before_leaving(lambda: shutil.rmtree(partial, ignore_errors=True)):
                 yield partial
         finally:
