@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from camtorque.align import align
 from camtorque.align.flanks import APART_DEG, _local_best, check_flanks, flank_places
+from camtorque.align.polarity import lift_velocity
 from camtorque.ingest import read_recording
 from camtorque.records import CamTable, Recording, Refusal
 from rig_bridge import cycles_of, recording_of
@@ -146,3 +147,18 @@ def test_logs_that_do_not_start_together_are_among_the_causes_of_a_torque_elsewh
     files = tuple(replace(row, path=Path(f"{row.quantity}.csv")) for row in recording.channels)
     with pytest.raises(Refusal, match=r"or the starts of pressure\.csv, torque\.csv, which have to count from one"):
         check_flanks(late, replace(recording, channels=files), speed)
+
+
+@pytest.mark.parametrize("from_share", [0.1, 0.15])
+def test_a_line_that_keeps_its_pressure_after_a_spill_tells_no_place_of_the_delivery(from_share: float) -> None:
+    recording, _, speed = rig("spill", 400.0)
+    table, pump, theta = recording.cam_table, recording.config.pump, np.arange(720) * (TURN / 720)
+    slope, lift = lift_velocity(table, 720), table.at(theta)
+    delivers = (slope > 0.0) & (lift > from_share * np.max(lift)) & (lift < (from_share + 0.45) * np.max(lift))
+    line = np.zeros(720)
+    for k in range(3 * 720):  # an orifice empties it eight times as slowly as the pump fills it
+        gap, degrees = (300.0e5 - line[k % 720 - 1], 6.0) if delivers[k % 720] else (-line[k % 720 - 1], 40.0)
+        line[k % 720] = line[k % 720 - 1] + gap * (1.0 - np.exp(-0.5 / degrees))
+    chamber = np.where(delivers, line + 20.0e5, 0.0)
+    force = pump.spring_preload + pump.spring_stiffness * lift + pump.plunger_area * chamber
+    assert check_flanks({"torque": force * slope, "pressure": line}, recording, speed) == ()
