@@ -43,6 +43,7 @@ from camtorque.fit.joint_input import (
     with_common_rows,
 )
 from camtorque.fit.joint_pin import pin_shift, with_likelier_pin
+from camtorque.fit.joint_shaft import softer_shift
 from camtorque.fit.joint_solver import JointSolution, solve_many
 from camtorque.fit.leftout import HeldOut, Predicted, left_out, poor_findings, predicted, settling_findings
 from camtorque.fit.minima import attempted
@@ -51,7 +52,7 @@ from camtorque.fit.problem import FitData, Problem, build_problem, in_structure,
 from camtorque.fit.result import parameter_estimates
 from camtorque.fit.search import SCAN_KEPT, SCAN_SHARES
 from camtorque.fit.shared_lift import SharedLift, given_to
-from camtorque.fit.single import PIN, SWITCHING, switching_shift
+from camtorque.fit.single import PIN, SOFTER, SWITCHING, switching_shift
 from camtorque.fit.solver import approach, lift_at, try_at
 from camtorque.fit.starts import SEARCH_LIFT_CUT, chi_square_at_start, ends_at
 from camtorque.process.threads import Each, in_turn, side_by_side
@@ -271,7 +272,7 @@ def _fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], each: 
         places = [place for k, place in enumerate(places) if k not in odd]
     problem, solution = with_likelier_pin(problem, solution, each)
     drifts = shared_drifts(used) if len(used) > 2 else ()
-    fit = joint_fit_of(used, problem, solution, drifts)
+    fit = joint_fit_of(used, problem, solution, drifts, each)
     others = left_out(fit)
 
     def told(index: int) -> tuple[JointRecording, Predicted]:
@@ -311,8 +312,9 @@ def fitting_no_other(misfits: Array) -> list[int]:
 
 
 def joint_fit_of(
-    inputs: Sequence[Known], problem: Problem, solution: JointSolution, drifts: Sequence[Drift] = ()
-) -> JointFit:
+    inputs: Sequence[Known], problem: Problem, solution: JointSolution, drifts: Sequence[Drift] = (),
+    each: Each = in_turn,
+) -> JointFit:  # fmt: skip
     """Return a joint minimum with its covariance and the uncertainties that do not average out."""
     covariance = joint_covariance(problem, solution)
     contradicted = contradiction(covariance.inflation, [item.inflation for item in inputs])
@@ -322,5 +324,6 @@ def joint_fit_of(
         # one sensor, one delay: the angle at the mean speed
         SWITCHING: switching_shift(problem, float(np.mean([item.switching_std for item in inputs])))[None],
         PIN: pin_shift(problem, solution, covariance)[None],
+        SOFTER: softer_shift(problem, solution, covariance, each)[None],
     }
     return JointFit(problem, solution, covariance, shifts)
