@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from camtorque.process import stopping
 from camtorque.process.stopping import Stopped, before_leaving, stoppable
+from camtorque.process.threads import on_one_thread
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "raw_examples"
 LIMIT = 60
@@ -103,6 +104,22 @@ def test_what_compiled_code_makes_of_the_signal_is_still_a_stop() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=LIMIT)
     assert (done.returncode, done.stderr) == (143, "")
+
+
+def test_an_interruption_reaches_a_notebook_as_one_whatever_compiled_code_makes_of_it() -> None:
+    """A fit that was interrupted while numba unpacked an array ended as SystemError, which `except` did not expect."""
+
+    @on_one_thread
+    def fit(stop: BaseException | None) -> None:
+        try:
+            raise SystemError("unpacking returned a result with an exception set") from stop
+        except SystemError as error:
+            raise SystemError("integrate returned a result with an exception set") from error
+
+    with pytest.raises(KeyboardInterrupt):
+        fit(KeyboardInterrupt())
+    with pytest.raises(SystemError, match="integrate"):
+        fit(None)
 
 
 def test_handlers_are_given_back() -> None:

@@ -52,6 +52,14 @@ def end_workers() -> None:
         child.join(0.5)
 
 
+def interruption_behind(error: BaseException) -> KeyboardInterrupt | None:
+    """Return the interruption of which compiled code made another error, None where there was none."""
+    seen: BaseException | None = error
+    while seen is not None and not isinstance(seen, KeyboardInterrupt):
+        seen = seen.__cause__ or seen.__context__
+    return seen
+
+
 @contextmanager
 def stoppable() -> Iterator[None]:
     """Turn the first signal into `Stopped`, and leave in any case soon after it; only in the main thread.

@@ -11,6 +11,8 @@ from typing import ParamSpec, Protocol, TypeVar
 
 from threadpoolctl import threadpool_limits
 
+from camtorque.process.stopping import interruption_behind
+
 P = ParamSpec("P")
 T = TypeVar("T")
 R = TypeVar("R")
@@ -22,12 +24,21 @@ def processors() -> int:
 
 
 def on_one_thread(function: Callable[P, T]) -> Callable[P, T]:
-    """Return the function with the numerical libraries on one thread while it runs, in a script as in the command."""
+    """Return the function with the numerical libraries on one thread while it runs, in a script as in the command.
+
+    Whatever compiled code makes of Ctrl-C, it leaves the function as KeyboardInterrupt.
+    """
 
     @wraps(function)
     def limited(*args: P.args, **kwargs: P.kwargs) -> T:
-        with threadpool_limits(1):
-            return function(*args, **kwargs)
+        try:
+            with threadpool_limits(1):
+                return function(*args, **kwargs)
+        except Exception as error:
+            stop = interruption_behind(error)
+            if stop is None:
+                raise
+            raise stop from None
 
     return limited
 
