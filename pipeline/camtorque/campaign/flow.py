@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -101,7 +102,10 @@ def run_only(name: str, folder: Path, out: Path, options: RunOptions, retry_fail
     ------
     Refusal : there is no recording of that name; ``out`` holds something else or is full
     """
-    places = [folder / name, *([folder] if name == real_path(folder).name else [])]
+    # its name is part of its key: "a/", as a shell completes it, is the recording "a", and one outside is none
+    name = os.path.normpath(name)
+    below = not any(part.startswith((".", os.sep)) for part in Path(name).parts)
+    places = [*([folder / name] if below else []), *([folder] if name == real_path(folder).name else [])]
     path = next((place for place in places if (place / RECORDING_FILE).is_file()), None)
     if path is None:
         names = list(search(folder)[0])
