@@ -149,6 +149,16 @@ def test_a_campaign_names_what_is_unexplained_and_shows_the_peak_of_each_predict
     assert lines[-1].startswith("UNEXPLAINED: B: the model fails there")
     asked = {**doc, "recordings": [{**good, "verdict": "look"}]}
     assert campaign_table(asked).splitlines()[-1] == f"LOOK CLOSER: {good['name']}: the reports say why"
+    lost = {"name": "C" * 30, "status": "refused", "error": "no torque"}
+    head, *rows = campaign_table({**doc, "recordings": [good, lost]}).splitlines()
+    assert rows[1].split() == [lost["name"], "refused:", "no", "torque"], "a long name ran into the next column"
+    assert rows[0].index("470.0") + len("470.0") == head.index("rpm") + len("rpm")
+
+
+def test_a_place_that_the_text_names_is_not_repeated() -> None:
+    row = {"severity": "warning", "text": "shaft_drag drifts", "where": "shaft_drag"}
+    assert finding_lines([row]) == ["warning   shaft drag drifts"]
+    assert finding_lines([{**row, "where": "cam.csv"}]) == ["warning   shaft drag drifts [cam.csv]"]
 
 
 def test_a_check_lists_warnings_before_notes() -> None:

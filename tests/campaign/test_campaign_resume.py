@@ -236,6 +236,18 @@ def test_one_alone_and_the_list(analysed: list[str], tmp_path: Path) -> None:
         run_only("deep/cc", raw, out, OPTIONS)
 
 
+def test_one_alone_as_a_shell_completes_its_name_and_none_from_elsewhere(analysed: list[str], tmp_path: Path) -> None:
+    """Each had a result of its own, which the campaign did not use."""
+    raw, out = make(tmp_path / "raw", a="say", **{"deep/c": "say", ".half": "say"}), tmp_path / "out"
+    make(tmp_path / "other", x="say")
+    found = [run_only(name, raw, out, OPTIONS) for name in ("deep/c", "deep/c/", "./deep/c", "deep//c")]
+    assert {(entry.name, entry.folder) for entry in found} == {("deep/c", found[0].folder)}
+    assert analysed == ["c"]
+    for name in ("../other/x", ".half", str(tmp_path / "other" / "x")):
+        with pytest.raises(Refusal, match=f"--only {re.escape(name)}: found no such recording"):
+            run_only(name, raw, out, OPTIONS)
+
+
 def test_links_in_a_circle_hold_no_recording(tmp_path):
     (tmp_path / "one").symlink_to("two")
     (tmp_path / "two").symlink_to("one")
@@ -391,8 +403,9 @@ def test_a_page_of_hundreds_has_no_pictures(
     ("items", "reason"),
     [
         (["a P"], "1 usable recording,"),
-        (["a P", "b Q"], "found pumps P, Q,"),
+        (["a P", "b Q"], "found pumps P (a), Q (b), expected one pump, one group and one id per recording; run a "),
         (["a P", "b P", "a P"], "found recording ids that repeat: a,"),
+        (["a P", "b P", "a P", "c Q"], "found pumps P (a, b, a), Q (c) and recording ids that repeat: a,"),
         (["a P", "b P"], None),
         (["a P", "b P", "c P"], "b and c hold the same cycles"),
         (["a P", "b P x"], "found [pump] plunger_diameter_m x in b, 8 in a, expected the dimensions of one pump"),

@@ -280,6 +280,9 @@ def test_terminal_gives_digits_by_the_uncertainty_and_fits_into_eighty_columns()
     told = compare_table(doc).splitlines()[-1]
     assert told.split() == ["spring", "stiffness", "error", "2931", "2913", "−18", "±", "25", "109", "mm³/s/bar"]
     assert len(told) <= 80
+    small = {**row, "before": -0.0000724, "after": -0.0000721, "difference": 0.0, "stderr": 0.000074}
+    told = compare_table({**doc, "parameters": {}, "losses": {"spring": small}}).splitlines()[-1]
+    assert told.split()[:5] == ["spring", "−0.000072", "−0.000072", "0.000000", "±"], "numbers ran into one another"
 
 
 def test_every_event_has_words_for_the_rig() -> None:

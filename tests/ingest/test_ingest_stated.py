@@ -39,8 +39,19 @@ def test_what_differs_is_told_with_who_states_what(recording: Recording) -> None
     assert differences(sides) == {"[pump] plunger_diameter_m": "0.0082 in B, 0.008 in the others"}
     pair = {"A": same, "B": stated(changed(recording, spring_preload=200.0))}
     (finding,) = difference_findings(differences(pair))
-    assert finding.text.startswith("[pump] spring_preload_N is 200 in B, 110 in A: what a fit takes as given")
+    assert finding.text.startswith("[pump] spring_preload_N is 200 in B, 110 in A: each is read by its own sheet")
+    assert finding.text.endswith("correct it; where all are right, part the recordings by group in [recording]")
     assert difference_findings(differences({"A": same, "B": same})) == ()
+
+
+def test_a_transducer_calibrated_in_between_is_no_slip(recording: Recording) -> None:
+    torque = recording.of("torque")[0]
+    sheet = replace(torque.calibration, gain=39.97)  # type: ignore[type-var]
+    channels = tuple(replace(c, calibration=sheet) if c is torque else c for c in recording.channels)
+    found = differences({"A": stated(recording), "B": stated(replace(recording, channels=channels))})
+    (finding,) = difference_findings(found)
+    assert finding.text.startswith("torque sensor, gain [N m/V] is 39.97 in B, ")
+    assert finding.text.endswith("correct it; where all are right, as after a calibration, leave them")
 
 
 def test_a_lift_table_is_compared_as_a_whole(recording: Recording) -> None:

@@ -11,14 +11,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from camtorque.campaign.task import SUMMARY_KEYS
 from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.drift import Drift
 from camtorque.fit.joint import CampaignFit
 from camtorque.fit.joint_fit import JointRecording
 from camtorque.fit.leftout import HeldOut
 from camtorque.fit.shared_lift import SharedLift
-from camtorque.report.bundle import CampaignEntry, CampaignResult
+from camtorque.report.bundle import OF_RESULT, CampaignEntry, CampaignResult
 from camtorque.report.campaign_figures import overlay
 from camtorque.report.campaign_page import campaign_answer, campaign_drawings, campaign_page, verdict_text
 from camtorque.report.campaign_view import CampaignView, Column, campaign_view, trends_of_losses
@@ -129,6 +128,8 @@ def test_a_refused_recording_is_listed_with_its_reason(small: tuple[Path, Campai
     doc = json.loads((folder / "campaign.json").read_text(encoding="utf-8"))
     assert [row["status"] for row in doc["recordings"]] == ["ok", "ok", "ok", "refused"]
     assert doc["recordings"][0]["folder"] == "runs/key 0#1"
+    assert {key for row in doc["recordings"] for key in row} == set(doc["recordings"][3]), "null, and never left out"
+    assert doc["recordings"][3]["explained"] is None
 
 
 def test_a_recording_whose_report_is_gone_has_its_row_but_no_curve(tmp_path: Path) -> None:
@@ -237,7 +238,7 @@ def test_a_thousand_recordings_fit_into_three_megabytes() -> None:
 def test_the_index_of_a_thousand_recordings_fits_into_three_megabytes(tmp_path: Path) -> None:
     """A line for each recording, what all have in common once; the reports hold every digit."""
     view, doc = many(1000), result_document(run_result())
-    summary = {key: doc[key] for key in SUMMARY_KEYS} | {"speed_rpm": 1234.56789012}
+    summary = {key: doc[key] for key in OF_RESULT} | {"speed_rpm": 1234.56789012}
     rows = tuple(replace(entry(name, doc), thumbnail="", summary=summary) for name in view.names)
     index = campaign_document(CampaignResult(rows, joint_of(view), (), {}, ""))
     write_rows(tmp_path / "campaign.json", index)
@@ -298,6 +299,8 @@ def test_the_answer_names_what_is_not_explained_what_was_refused_and_what_drifts
 def test_the_headline_counts_the_warnings(severities: tuple[str, ...], told: str) -> None:
     doc = {"recordings": [{}, {}], "n_refused": 1, "held_out": [], "findings": [{"severity": s} for s in severities]}
     assert verdict_text(doc) == f"1 of 2 recordings used.{told}"
+    doc["excluded"] = ["A"]
+    assert verdict_text(doc) == f"1 of 2 recordings used, 1 of them left out of the joint fit.{told}"
 
 
 def left_out(name: str, rms: float, excess: float) -> dict[str, Any]:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from camtorque.fit.joint import CampaignFit, fit_joint
 from camtorque.fit.joint_input import HeldOnce, JointInput, Known
-from camtorque.ingest.stated import DIMENSIONS, difference_findings, differences
+from camtorque.ingest.stated import DIMENSIONS, MOST_NAMED, difference_findings, differences
 from camtorque.process.threads import on_one_thread
 from camtorque.records import Finding, Refusal
-from camtorque.units import counted
+from camtorque.units import counted, first_of
 
 
 @on_one_thread
@@ -27,25 +27,19 @@ def joint_fit(
     """
     if count < 2:
         return _none(f"{counted(count, 'usable recording', 'usable recordings')}, a joint fit needs at least 2")
-    held, known, names, pumps = HeldOnce(), list[Known](), Counter[str](), set[str]()
+    held, known = HeldOnce(), list[Known]()
+    pumps: dict[str, list[str]] = {}
     same: dict[bytes, list[str]] = {}
     for item in map(read, range(count)):
-        names[item.name] += 1
-        pumps.add(item.pump_id)
+        pumps.setdefault(item.pump_id, []).append(item.name)
         same.setdefault(item.measured.tobytes(), []).append(item.name)
         if len(pumps) > 1:
             known.clear()
         else:
             known.append(held(item))
-    repeated = sorted(name for name, times in names.items() if times > 1)
-    if len(pumps) > 1 or repeated:
-        what = f"pumps {', '.join(sorted(pumps))}"
-        if len(pumps) == 1:
-            what = f"recording ids that repeat: {', '.join(repeated)}"
-        return _none(
-            f"no joint fit: found {what}, expected one pump, one group and one id per recording; run a campaign of "
-            "each pump or group by itself, or give every recording an id of its own in [recording]"
-        )
+    mixed = _mixed(pumps)
+    if mixed:
+        return _none(f"no joint fit: {mixed}")
     apart = differences({item.name: item.stated for item in known})
     pump = "; ".join(f"{name} {text}" for name, text in apart.items() if name in DIMENSIONS)
     if pump:
@@ -54,6 +48,22 @@ def joint_fit(
         return fit_joint(known, read, threads), (*difference_findings(apart), *_repeated(same.values()))
     except Refusal as refusal:
         return _none(str(refusal), *difference_findings(apart))
+
+
+def _mixed(pumps: Mapping[str, Sequence[str]]) -> str:
+    """Return why recordings cannot be fitted together and what to do, all of it; empty where they can."""
+    times = Counter(name for names in pumps.values() for name in names)
+    repeated = sorted(name for name, number in times.items() if number > 1)
+    found, todo = [], []
+    if len(pumps) > 1:
+        whose = [f"{pump} ({first_of(names, MOST_NAMED)})" for pump, names in sorted(pumps.items())]
+        found.append(f"pumps {', '.join(whose)}")
+        todo.append("run a campaign of each pump or group by itself")
+    if repeated:
+        found.append(f"recording ids that repeat: {', '.join(repeated)}")
+        todo.append("leave out what was copied, give every other recording an id of its own in [recording]")
+    expected = "expected one pump, one group and one id per recording"
+    return f"found {' and '.join(found)}, {expected}; {'; '.join(todo)}" if found else ""
 
 
 def _repeated(same: Iterable[Sequence[str]]) -> tuple[Finding, ...]:

@@ -11,13 +11,11 @@ from camtorque.fit.joint_input import joint_input
 from camtorque.process.second_process import second_process
 from camtorque.process.stopping import was_stopped
 from camtorque.records import Refusal
-from camtorque.report.bundle import CampaignEntry
+from camtorque.report.bundle import OF_RECORDING, OF_RESULT, CampaignEntry
 from camtorque.report.folder import Busy, CannotWrite, emptied, is_about, output_folder
 from camtorque.report.torque_figures import thumbnail
 from camtorque.report.write import write_run
 from camtorque.run import RunOptions, analyse
-
-SUMMARY_KEYS = ("explained", "metrics", "effects", "losses", "chamber", "forces")
 
 
 @dataclass(frozen=True)
@@ -91,7 +89,7 @@ def _reported(task: Task, key: str, folder: Path) -> CampaignEntry:
         result, prepared = analyse(task.path, task.options)
     doc = write_run(result, folder)
     recording = doc["recording"]
-    summary = {name: recording[name] for name in ("speed_rpm", "cycles_found", "cycles_used")}
-    summary |= {name: doc[name] for name in SUMMARY_KEYS} | {"verdict": doc["verdict"]["level"]}
+    summary = {name: recording[name] for name in OF_RECORDING} | {name: doc[name] for name in OF_RESULT}
+    summary["verdict"] = doc["verdict"]["level"]
     write_joint_input(folder, joint_input(prepared))
     return CampaignEntry(task.name, recording["name"], "ok", "", summary, thumbnail(result), f"runs/{key}")

@@ -82,18 +82,20 @@ def _work(doc: Mapping[str, Any]) -> str:
 
 def campaign_table(doc: Mapping[str, Any]) -> str:
     """Return the content of campaign.json as a compact table."""
-    lines = [f"{'recording':22}{'rpm':>8}{'rigid RMS':>11}{'fitted':>9}{'joint':>9}{'left out':>9}{'peak error':>12}"]
+    wide = max(22, *(len(row["name"]) for row in doc["recordings"]))
+    heads = f"{'rpm':>8}{'rigid RMS':>11}{'fitted':>9}{'joint':>9}{'left out':>9}{'peak error':>12}"
+    lines = [f"{'recording':{wide}}{heads}"]
     left = {row["name"]: row["metrics"] for row in doc["held_out"] if row["mode"] == "own_zero_and_end"}
     for row in doc["recordings"]:
         if row["status"] != "ok":
-            lines.append(f"{row['name']:22}refused: {row['error']}")
+            lines.append(f"{row['name']:{wide - 1}} refused: {row['error']}")
             continue
         out = left.get(row["id"])
         shares = [row["metrics"]["rigid"], row["metrics"]["fitted_held_out_cycles"],
                   (row["metrics_joint"] or {}).get("fitted_held_out_cycles"), out]  # fmt: skip
         texts = [f"{m['rms_percent_of_peak']:.{2 if k == 0 else 3}f} %" if m else "-" for k, m in enumerate(shares)]
         high = f"{known_metrics(out).peak_excess_percent:+.1f} %" if out else "-"
-        name = f"{row['name']:22}{row['speed_rpm']:8.1f}"
+        name = f"{row['name']:{wide}}{row['speed_rpm']:8.1f}"
         lines.append(f"{name}{texts[0]:>11}{texts[1]:>9}{texts[2]:>9}{texts[3]:>9}{high:>12}")
     if failed := unexplained(doc):
         lines.append(f"UNEXPLAINED: {', '.join(failed)}: the model fails there; the reports say where")
@@ -107,7 +109,7 @@ def finding_lines(findings: Sequence[Mapping[str, Any]]) -> list[str]:
     lines = []
     for row in findings:
         place = row["where"] if row["where"].startswith("[") else f"[{row['where']}]"
-        told = not row["where"] or words(row["where"]) in row["text"]
+        told = any(name in row["text"] for name in (row["where"], words(row["where"])))
         lines.append(f"{row['severity']:8}  {typeset(named(row['text']))}" + ("" if told else f" {place}"))
     return lines
 

@@ -136,7 +136,7 @@ def contradiction_findings(contradicted: float) -> tuple[Finding, ...]:
 
 def aside_findings(excluded: Sequence[str], unexplained: Sequence[str]) -> tuple[Finding, ...]:
     """Return a warning on each recording that the joint fit is made without, and on each that it does not explain."""
-    out = f"does not fit the others ({EXCLUSION_FACTOR:.0f} times their misfit); excluded from the joint fit"
+    out = f"does not fit the others (more than {EXCLUSION_FACTOR:.0f} times their misfit); excluded from the joint fit"
     left = "the joint fit leaves more of {} than its cycles repeat: predictions take nothing from it"
     return (
         *(Finding("recording_excluded", "warning", f"{name} {out}", name) for name in excluded),

@@ -35,10 +35,10 @@ def stated(recording: Recording) -> dict[str, str]:
     table = recording.lift_table
     if table is not None:
         found["lift table"] = sha256(table.theta.tobytes() + table.lift.tobytes()).hexdigest()[:8]
-    for quantity in ("torque", "pressure"):
+    for quantity, unit in (("torque", "N m"), ("pressure", "Pa")):
         sheets = [channel.calibration for channel in recording.of(quantity) if channel.calibration is not None]
         for sheet in sheets[:1]:
-            values = {"gain": sheet.gain, "delay [s]": sheet.delay, "cut-off [Hz]": sheet.cutoff_hz}
+            values = {f"gain [{unit}/V]": sheet.gain, "delay [s]": sheet.delay, "cut-off [Hz]": sheet.cutoff_hz}
             found |= {f"{quantity} sensor, {what}": f"{value:.{DIGITS}g}" for what, value in values.items()}
     return found
 
@@ -72,7 +72,15 @@ def differences(sides: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
 def difference_findings(found: Mapping[str, str]) -> tuple[Finding, ...]:
     """Return a warning on each number that the sheets of recordings of one pump state differently: `differences`."""
     return tuple(
-        Finding("sheets_differ", "warning", f"{name} is {text}: what a fit takes as given has to be the same, or it "
-                "comes out as a change of the pump; correct the one that is wrong", name)
+        Finding("sheets_differ", "warning", f"{name} is {text}: each is read by its own sheet, so that a wrong one "
+                f"comes out as a change of the pump; {remedy(name)}", name)
         for name, text in found.items()
     )  # fmt: skip
+
+
+def remedy(name: str) -> str:
+    """Return what to do about a number that is stated differently: a transducer is calibrated, a pump rebuilt."""
+    right = (
+        "as after a calibration, leave them" if " sensor," in name else "part the recordings by group in [recording]"
+    )
+    return f"correct it; where all are right, {right}"

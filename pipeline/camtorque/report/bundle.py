@@ -16,6 +16,9 @@ SUSPICIONS = frozenset({"torque_against_model", "uneven_running"})
 """Warnings before the fit that friction and ringing of a sound pump raise too; a fit as expected tells them apart."""
 OF_ODD_FITS = frozenset({"prior_pulled", "values_implausible", "cam_side_too_light"})
 """Findings of a fit that is not as expected."""
+OF_RECORDING = ("speed_rpm", "cycles_found", "cycles_used")
+OF_RESULT = ("explained", "metrics", "effects", "losses", "chamber", "forces")
+"""What a campaign repeats of a result.json: of its part ``recording``, and whole parts."""
 
 
 @dataclass(frozen=True)

@@ -77,7 +77,8 @@ def campaign_drawings(result: CampaignResult, view: CampaignView) -> list[Drawin
 def verdict_text(doc: Mapping[str, Any]) -> str:
     """Return how many recordings were used, which are not explained, and how well they predict each other."""
     used = len(doc["recordings"]) - doc["n_refused"]
-    text = f"{used} of {len(doc['recordings'])} recordings used."
+    aside = f", {len(doc['excluded'])} of them left out of the joint fit" if doc.get("excluded") else ""
+    text = f"{used} of {len(doc['recordings'])} recordings used{aside}."
     if odd := unexplained(doc):
         text += f" Not explained: {_some(odd)}."
     if look := doubtful(doc):

@@ -10,7 +10,7 @@ from typing import Any
 from camtorque.fit.drift import Drift
 from camtorque.fit.joint_fit import JointRecording
 from camtorque.jsonable import jsonable
-from camtorque.report.bundle import CampaignEntry, CampaignResult
+from camtorque.report.bundle import OF_RECORDING, OF_RESULT, CampaignEntry, CampaignResult
 from camtorque.report.campaign_page import campaign_drawings, campaign_page
 from camtorque.report.campaign_view import MANY, campaign_view
 from camtorque.report.document import parameters_document
@@ -62,7 +62,7 @@ def _entry(entry: CampaignEntry, fitted: JointRecording | None) -> Mapping[str, 
     row: dict[str, Any] = {
         "name": entry.name, "id": entry.id or None, "status": entry.status, "error": entry.error or None,
         "folder": entry.folder or None, "speed_rpm": None, "metrics": None, "metrics_joint": None,
-        "explained_joint": None, "verdict": None, **entry.summary,
+        "explained_joint": None, "verdict": None, **dict.fromkeys((*OF_RECORDING, *OF_RESULT)), **entry.summary,
     }  # fmt: skip
     if fitted is not None and entry.status == "ok":
         row["metrics_joint"] = {name: asdict(fitted.metrics[name]) for name in JOINT_METRICS}

@@ -129,8 +129,8 @@ def _unnamed(document: Mapping[str, Any]) -> str:
 def compare_cautions(document: Mapping[str, Any]) -> tuple[str, ...]:
     """Return why the verdicts are to be taken with care: a gain that changed, events that leave much over."""
     found = [
-        f"{text}: both sides are read by their own sheets, so that this comes out as a change of the pump; correct the "
-        "one that is wrong" for text in document.get("sheets_differ", ())
+        f"{text}: both sides are read by their own sheets, so that a wrong one comes out as a change of the pump; "
+        "correct it; where both are right, leave them" for text in document.get("sheets_differ", ())
     ]  # fmt: skip
     ratio = document.get("torque", {}).get("ratio")
     if ratio is not None:

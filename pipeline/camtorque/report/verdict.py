@@ -112,7 +112,7 @@ def missed_limits(held: Document) -> list[str]:
 
 def unexplained(doc: Document) -> list[str]:
     """Return the names of the recordings of a campaign.json that the model does not explain."""
-    return [row["name"] for row in doc["recordings"] if not row.get("explained", True)]
+    return [row["name"] for row in doc["recordings"] if row.get("explained") is False]
 
 
 def doubtful(doc: Document) -> list[str]:
