@@ -16,7 +16,7 @@ import numpy as np
 from camtorque.config.keys import Band, Key, TableSchema
 from camtorque.config.tables import Problems, Table, read_closed, read_schema
 from camtorque.records import Refusal
-from camtorque.units import did_you_mean, plain_unit
+from camtorque.units import did_you_mean, expected_one_of, plain_unit
 
 LIMITS_SCHEMA = "camtorque-limits/1"
 PASS, FAIL, CANNOT_TELL = "pass", "fail", "cannot tell"
@@ -186,6 +186,17 @@ def refuse_unknown(documents: Sequence[Mapping[str, Any]], limits: Sequence[Limi
         if limit.quantity not in known and not limit.quantity.startswith(tuple(absent)):
             hint = did_you_mean(limit.quantity, tuple(known)) or f", expected one such as {', '.join(known[:3])}"
             raise Refusal(f"limit {limit.quantity!r}: found in no result{hint}")
+
+
+def refuse_unknown_parameters(limits: Sequence[Limit], parameters: Sequence[str]) -> None:
+    """Refuse a limit of a parameter that no fit has, before there is a result."""
+    for limit in limits:
+        section, _, rest = limit.quantity.partition(".")
+        name = rest.partition(".")[0]
+        if section == "parameters" and name not in parameters:
+            raise Refusal(
+                f"limit {limit.quantity!r}: found parameter {name!r}{expected_one_of(name, tuple(parameters))}"
+            )
 
 
 def quantities(document: Mapping[str, Any], above: str = "") -> list[str]:

@@ -83,6 +83,12 @@ def read_results(paths: Sequence[Path]) -> dict[str, dict[str, Any]]:
     return {file.parent.as_posix(): read_result(file) for file in files}
 
 
+def refused_below(paths: Sequence[Path]) -> dict[str, str]:
+    """Return why campaigns in and below some paths refused recordings, by name: these have no report to be found."""
+    rows = [row for path in paths for file in _below(path, CAMPAIGN) for row in read_campaign(file)["recordings"]]
+    return {row["name"]: row["error"] for row in rows if row.get("status") == "refused"}
+
+
 def recording_path(path: Path) -> Path:
     """Return the recording that a path names: a recording, or the report of one.
 

@@ -214,6 +214,36 @@ def test_results_of_a_campaign_are_those_that_it_names(tmp_path: Path) -> None:
     assert find_results(tmp_path / "campaign" / "runs" / "older"), "a report that is named itself"
 
 
+def test_a_recording_that_its_campaign_refused_does_not_pass(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It has no report: the gate passed by the other recordings alone."""
+    (tmp_path / "runs" / "a").mkdir(parents=True)
+    document = {"schema": "camtorque.result/1", "recording": {"name": "A"}, "metrics": {"x": 1.0}}
+    (tmp_path / "runs" / "a" / "result.json").write_text(json.dumps(document), encoding="utf-8")
+    rows = [{"name": "A", "status": "ok", "folder": "runs/a"},
+            {"name": "B", "status": "refused", "folder": "runs/b", "error": "the file is cut"}]  # fmt: skip
+    index = {"schema": "camtorque.campaign/1", "recordings": rows}
+    (tmp_path / "campaign.json").write_text(json.dumps(index), encoding="utf-8")
+    file = limits_file(tmp_path, '[[limit]]\nquantity = "metrics.x"\nmax = 2.0\n')
+    assert cli.main(["limits", str(file), str(tmp_path)]) == 3
+    assert "B  cannot tell  [refused: the file is cut]" in capsys.readouterr().out
+    assert cli.main(["limits", str(file), str(tmp_path), "--json"]) == 3
+    found = json.loads(capsys.readouterr().out)
+    assert found["verdict"] == "cannot tell"
+    assert [row["refused"] for row in found["results"]] == [None, "the file is cut"]
+    assert cli.main(["limits", str(file), str(tmp_path / "runs" / "a")]) == 0
+
+
+def test_a_run_refuses_a_limit_of_no_parameter_before_it_begins(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = limits_file(tmp_path, '[[limit]]\nquantity = "parameters.leakge.value"\nmax = 2.0\n')
+    assert cli.main(["run", str(tmp_path), "--out", str(tmp_path / "out"), "--limits", str(file)]) == 2
+    assert "found parameter 'leakge', did you mean 'leakage'?" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_limits_stand_in_the_result_of_a_run(tmp_path: Path) -> None:
     limits = (Limit("parameters.feed_pressure.value", None, 1.0),)
     doc = write_run(replace(run_result(), limits=limits), tmp_path)

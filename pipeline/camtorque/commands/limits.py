@@ -7,8 +7,8 @@ import argparse
 from camtorque.commands import OUTSIDE, Outcome, Tell
 from camtorque.commands.texts import limit_lines
 from camtorque.laws import ROWS
-from camtorque.limits import PASS, judge, limits_document, overall, read_limits, refuse_unknown
-from camtorque.results import read_results
+from camtorque.limits import CANNOT_TELL, PASS, judge, limits_document, overall, read_limits, refuse_unknown
+from camtorque.results import read_results, refused_below
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
@@ -16,17 +16,24 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     limits, documents = read_limits(arguments.file), read_results(arguments.results)
     refuse_unknown(tuple(documents.values()), limits, ROWS)
     judged = {name: judge(document, limits) for name, document in documents.items()}
+    refused = refused_below(arguments.results)
     verdict = overall([row for rows in judged.values() for row in rows])
+    verdict = CANNOT_TELL if verdict == PASS and refused else verdict
     results = [
-        {"name": documents[folder]["recording"]["name"], "report": folder, **limits_document(rows)}
+        {"name": documents[folder]["recording"]["name"], "report": folder, "refused": None, **limits_document(rows)}
         for folder, rows in judged.items()
+    ]
+    # a gate that passes because what it was to judge is not there is none
+    results += [
+        {"name": name, "report": None, "refused": error, "verdict": CANNOT_TELL, "rows": []}
+        for name, error in refused.items()
     ]
     # folders of a campaign are named by hashes: their order says nothing
     results.sort(key=lambda result: str(result["name"]))
     lines = []
     for result in results:
         lines += [
-            f"{result['name']}  {result['verdict']}  [{result['report']}]",
+            f"{result['name']}  {result['verdict']}  [{result['report'] or 'refused: ' + result['refused']}]",
             *("  " + line for line in limit_lines(result["rows"])),
         ]
     doc = {"schema": "camtorque.limits/1", "limits": str(arguments.file), "verdict": verdict, "results": results}

@@ -8,7 +8,8 @@ from camtorque.align import AlignOptions
 from camtorque.commands import Tell
 from camtorque.commands.arguments import LEAST_GRID
 from camtorque.grid_choice import grid_note
-from camtorque.limits import read_limits
+from camtorque.laws import ROWS
+from camtorque.limits import read_limits, refuse_unknown_parameters
 from camtorque.records import Refusal, require
 from camtorque.run import RunOptions
 
@@ -18,12 +19,14 @@ def run_options(arguments: argparse.Namespace, tell: Tell) -> RunOptions:
 
     Raises
     ------
-    Refusal : a grid and a tolerance together; an optional package that a choice needs is missing
+    Refusal : a grid and a tolerance together; an optional package that a choice needs is missing; a limit of a
+        parameter that there is not
     """
     if getattr(arguments, "pdf", False):
         require(("weasyprint",), "--pdf", "pdf")
     given = getattr(arguments, "limits", None)
     limits = () if given is None else read_limits(given)
+    refuse_unknown_parameters(limits, tuple(ROWS))
     return RunOptions(_align(arguments, tell), limits=limits)
 
 
