@@ -240,7 +240,7 @@ def watch(
         for item in next(looks):
             if isinstance(item, Block) or item != said:
                 yield item
-            said = item if isinstance(item, Waiting) else said
+            said = item if isinstance(item, Waiting) else None
             if options.until_enough and isinstance(item, Block) and item.enough:
                 return
         if clock() >= end:
@@ -256,11 +256,12 @@ def _growing(folder: Path, options: WatchOptions) -> Looks:
     """Yield what is new at each look at one recording that grows."""
     config, memory = load_recording_config(folder), Memory()
     sizes: tuple[int, ...] = ()
-    blocks, told, found = 0, 0, 0
+    blocks, told, found, rest = 0, 0, 0, False
     while True:
         now = tuple(spec.path.stat().st_size if spec.path.is_file() else 0 for spec in config.channels)
         if now == sizes:
-            yield [Waiting(config.id, "the files do not grow")] if blocks else []
+            few = f"; the cycles since the last block are fewer than {options.block_cycles}" if rest else ""
+            yield [Waiting(config.id, f"the files do not grow{few}")] if blocks or rest else []
             continue
         if any(size < before for size, before in zip(now, sizes, strict=False)):
             memory, told, found, sizes = Memory(), 0, 0, now
@@ -274,6 +275,7 @@ def _growing(folder: Path, options: WatchOptions) -> Looks:
         # by their numbers: what is usual changes as the log grows, and with it which earlier cycles are used
         rows = slice(int(np.searchsorted(cycles.index, told)), cycles.index.size)
         new = rows.stop - rows.start
+        rest = 0 < new < options.block_cycles
         if new < options.block_cycles:
             yield []
             continue

@@ -83,6 +83,19 @@ def test_a_growing_recording_block_by_block(bench: Path, replay: Replay) -> None
     assert [block.drifted for block in blocks] == [False, False, False, True]
 
 
+def test_cycles_that_make_no_block_are_told_when_the_log_ends(bench: Path, replay: Replay) -> None:
+    """A log shorter than a block was watched in silence, and the end of a longer one was in no line."""
+    options = WatchOptions(every=0.5, block_cycles=30, seconds=DURATION + 2.0)
+    seen = list(watch(bench, options, replay.sleep, replay.clock))
+    block, last = next(item for item in seen if isinstance(item, Block)), seen[-1]
+    assert camtorque.align(bench).index.size > block.cycles
+    assert isinstance(last, Waiting)
+    assert last.reason == "the files do not grow; the cycles since the last block are fewer than 30"
+    (alone,) = watch(bench, WatchOptions(every=0.5, block_cycles=1000, seconds=1.0), replay.sleep, replay.clock)
+    assert isinstance(alone, Waiting)
+    assert alone.reason.startswith("the files do not grow; ")
+
+
 def test_it_stops_when_there_are_enough(bench: Path, replay: Replay) -> None:
     options = WatchOptions(every=0.5, block_cycles=8, enough_percent=5.0, until_enough=True)
     *_, last = watch(bench, options, replay.sleep, replay.clock)
