@@ -236,6 +236,15 @@ def test_one_alone_and_the_list(analysed: list[str], tmp_path: Path) -> None:
         run_only("deep/cc", raw, out, OPTIONS)
 
 
+def test_what_a_program_reads_of_a_campaign_names_its_schema(
+    analysed: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["campaign", str(make(tmp_path / "raw", a="say")), "--out", str(tmp_path / "out"), "--json"]
+    for choice, schema in ((["--only", "a"], "only"), (["--list"], "list"), (["--prune"], "prune"), ([], "campaign")):
+        assert cli.main([*command, *choice]) == 0
+        assert json.loads(capsys.readouterr().out)["schema"] == f"camtorque.{schema}/1"
+
+
 def test_one_alone_as_a_shell_completes_its_name_and_none_from_elsewhere(analysed: list[str], tmp_path: Path) -> None:
     """Each had a result of its own, which the campaign did not use."""
     raw, out = make(tmp_path / "raw", a="say", **{"deep/c": "say", ".half": "say"}), tmp_path / "out"

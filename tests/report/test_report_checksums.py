@@ -100,6 +100,8 @@ def test_the_command_says_which_file(written: Path, capsys: pytest.CaptureFixtur
     (written / "result.json").unlink()
     assert cli.main(["verify", str(written)]) == 1
     assert "missing     result.json" in capsys.readouterr().out
+    assert cli.main(["verify", str(written), "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["schema"] == "camtorque.verify/1"
 
 
 def test_a_folder_without_checksums_is_refused(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     if arguments.prune:
         found = prune(arguments.folder, arguments.out, run_options(arguments, tell))
         text = f"{found['removed']} older results removed, {found['bytes'] / 1e6:.0f} MB; {found['kept']} kept"
-        return Outcome(text, found)
+        return Outcome(text, {"schema": "camtorque.prune/1", **found})
     if arguments.only:
         return _only(arguments, tell)
     how = CampaignOptions(
@@ -32,13 +32,14 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
 def _list(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     rows = list_recordings(arguments.folder, arguments.out, run_options(arguments, tell))
     text = "\n".join(f"{row['name']}\t{row['status']}\t{row['key']}" for row in rows)
-    return Outcome(text, {"recordings": rows})
+    return Outcome(text, {"schema": "camtorque.list/1", "recordings": rows})
 
 
 def _only(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     options = run_options(arguments, tell)
     entry = run_only(arguments.only, arguments.folder, arguments.out, options, arguments.retry_failed)
-    document = {"name": entry.name, "status": entry.status, "error": entry.error or None, "folder": entry.folder}
+    found = {"name": entry.name, "status": entry.status, "error": entry.error or None, "folder": entry.folder or None}
+    document = {"schema": "camtorque.only/1", **found}
     if entry.status != "ok":
         return Outcome(f"{entry.name}  refused: {entry.error}", document, REFUSED)
     return Outcome(str(arguments.out / entry.folder / "report.html"), document)

@@ -15,5 +15,5 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     lines = [f"{kind:11} {path}" for path, kind in faults.items()]
     lines.append(f"{arguments.folder}: {compared} files compared, {len(faults)} not as they were written")
     rows = [{"path": path, "kind": kind} for path, kind in faults.items()]
-    document = {"folder": str(arguments.folder), "compared": compared, "faults": rows}
+    document = {"schema": "camtorque.verify/1", "folder": str(arguments.folder), "compared": compared, "faults": rows}
     return Outcome("\n".join(lines), document, FAULTS if faults else 0)
