@@ -323,7 +323,10 @@ def predict(
         )
     if curve is not None and not isinstance(pressure, Path | str):
         curve = checked_curve(curve)
-    speeds = np.asarray(speed_rpm, dtype=np.float64).ravel() * RPM
+    try:
+        speeds = np.asarray(speed_rpm, dtype=np.float64).ravel() * RPM
+    except (TypeError, ValueError):
+        raise Refusal(f"predict: found the speed {speed_rpm!r}, expected numbers in rpm") from None
     found = _predict(config, speeds, curve, n_theta=n_theta)
     return replace(found, findings=(*notes, *found.findings))
 

@@ -21,7 +21,7 @@ from camtorque.limits import Limit
 from camtorque.mechanism.load_check import load_findings
 from camtorque.process.threads import on_one_thread
 from camtorque.progress import Progress, silent
-from camtorque.records import Recording
+from camtorque.records import Recording, Refusal
 from camtorque.rehearsal import rigid_torque
 from camtorque.report.bundle import RunResult
 from camtorque.report.folder import output_folder
@@ -46,6 +46,12 @@ class RunOptions:
     align: AlignOptions = field(default_factory=AlignOptions)
     fit: FitOptions = field(default_factory=FitOptions)
     limits: tuple[Limit, ...] = ()
+
+    def __post_init__(self) -> None:
+        given = ((self.align, AlignOptions), (self.fit, FitOptions), *((limit, Limit) for limit in self.limits))
+        for value, kind in given:
+            if not isinstance(value, kind):
+                raise Refusal(f"RunOptions: found a {type(value).__name__}, expected a camtorque.{kind.__name__}")
 
 
 @contextmanager

@@ -373,6 +373,10 @@ def test_a_refusal_in_python_speaks_of_no_option(tmp_path: Path) -> None:
 def test_arguments_of_another_type_are_refused(pump_file: Path, arrays: dict[str, np.ndarray]) -> None:
     with pytest.raises(camtorque.Refusal, match="found options of type AlignOptions, expected camtorque"):
         camtorque.fit(recording(pump_file, arrays), camtorque.AlignOptions())  # type: ignore[arg-type]
+    with pytest.raises(camtorque.Refusal, match=r"RunOptions: found a str, expected a camtorque\.Limit"):
+        camtorque.RunOptions(limits=("parameters.leakage.value",))  # type: ignore[arg-type]
+    with pytest.raises(camtorque.Refusal, match="predict: found the speed 'fast', expected numbers in rpm"):
+        camtorque.predict(pump_file, "fast")  # type: ignore[arg-type]
     with pytest.raises(camtorque.Refusal, match="sensors: found a Sensor, expected one by name"):
         recording(pump_file, arrays, sensors=camtorque.Sensor())  # type: ignore[arg-type]
     with pytest.raises(camtorque.Refusal, match="found a value of type NoneType, expected the path of the folder of a"):
