@@ -119,6 +119,10 @@ def _channels(root: Table, problems: Problems) -> list[dict[str, Any]]:
         for table in tables:
             values = read_keys(table, RECORDING_TABLES["channels"], problems)
             channels.append({**values, "where": table.where("logger")})
+            quantity, unit, name = (values.get(key, "") for key in ("quantity", "unit", "channel"))
+            if quantity and unit and name and values.get("used") and not values.get("supply_channel"):
+                with problems.collecting():
+                    channel_factor(quantity, unit, f"{root.file} [[channels]] {name!r} unit")
     return channels
 
 
