@@ -26,7 +26,7 @@ from camtorque.fit.verdicts import (
     whole_verdict,
 )
 from camtorque.ingest import read_recording, summarise
-from camtorque.ingest.stated import DIMENSIONS, differences, stated
+from camtorque.ingest.stated import DIMENSIONS, MOST_NAMED, differences, stated
 from camtorque.jsonable import now
 from camtorque.process.threads import on_one_thread
 from camtorque.progress import Progress, silent
@@ -243,9 +243,16 @@ def _loud(compared: Sequence[Compared]) -> list[dict[str, str]]:
 
 
 def _sheets(compared: Sequence[Compared]) -> list[str]:
-    """Return what sheets of one pair state differently, each once."""
-    pairs = [_stated_differently(one.before, one.after) for one in compared]
-    return list(dict.fromkeys(f"{name} is {text}" for pair in pairs for name, text in pair.items()))
+    """Return what sheets of one pair state differently, each number once with the pairs that do."""
+    pairs: dict[str, dict[str, None]] = {}
+    for one in compared:
+        for name, text in _stated_differently(one.before, one.after).items():
+            pairs.setdefault(name, {})[text] = None
+    found = []
+    for name, texts in pairs.items():
+        more = [f"other pairs: {len(texts) - MOST_NAMED}"] if len(texts) > MOST_NAMED else []
+        found.append(f"{name} is {'; '.join([*list(texts)[:MOST_NAMED], *more])}")
+    return found
 
 
 def _over_pairs(rows: Sequence[Sequence[Difference]]) -> tuple[Difference, ...]:

@@ -154,6 +154,16 @@ def test_recordings_of_one_name_are_held_against_each_other_too(tmp_path: Path) 
     assert found == ["[pump] plunger_diameter_m is 0.0081 in plain (after), 0.008 in plain (before)"]
 
 
+def test_a_number_that_several_pairs_state_differently_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stated_differently(before: str, after: str) -> dict[str, str]:
+        return {"gain": f"2 in {after}, 1 in {before}"}
+
+    monkeypatch.setattr(compare_flow, "_stated_differently", stated_differently)
+    pairs = [SimpleNamespace(before=f"a{k}", after=f"b{k}") for k in (1, 2, 3, 4, 4)]
+    found = _sheets(pairs)  # type: ignore[arg-type]
+    assert found == ["gain is 2 in b1, 1 in a1; 2 in b2, 1 in a2; 2 in b3, 1 in a3; other pairs: 1"]
+
+
 def test_recordings_of_two_speeds_are_refused_before_a_fit(tmp_path: Path) -> None:
     examples, told = Path(__file__).resolve().parents[2] / "raw_examples", []
     with pytest.raises(Refusal, match=r"at 500\.0 rpm and A_1000rpm at 1000\.1 rpm, expected one speed within 2 %"):
