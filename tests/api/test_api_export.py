@@ -150,15 +150,20 @@ def test_tables_do_not_go_into_a_finished_report(
 
 
 def test_reports_of_one_name_do_not_overwrite_each_other(
-    report: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    report: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folders = ("before", "after 1", "after_1", "after+1")
+    here = tmp_path / "elsewhere"
+    here.mkdir()
+    monkeypatch.chdir(here)
     for above in folders:
         (tmp_path / above / "case").mkdir(parents=True)
         for name in ("result.json", "cycles.h5"):
             (tmp_path / above / "case" / name).write_bytes((report / name).read_bytes())
-    paths = exported(tmp_path, tmp_path / "out", "mat", capsys)
+    paths = exported(Path(".."), tmp_path / "out", "mat", capsys)
     assert len({path.name for path in paths}) == len(folders)
+    name = json.loads((report / "result.json").read_text(encoding="utf-8"))["recording"]["name"]
+    assert f"{name}_before_case.mat" in {path.name for path in paths}, "the same from wherever the command is given"
 
 
 def test_trend_over_date_speed_and_temperature(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 from collections import Counter
 from collections.abc import Mapping
@@ -55,15 +56,16 @@ def _tables(arguments: argparse.Namespace, documents: Mapping[str, Any], tell: T
 
 
 def _stems(documents: Mapping[str, Any]) -> dict[str, str]:
-    """Return how the files of each report begin: the recording's name, with its folder's where names repeat.
+    """Return how the files of each report begin: the recording's name, with its folder below theirs where names repeat.
 
     Folders that differ only in what no name of a file holds are numbered.
     """
     names = {folder: UNSAFE.sub("_", document["recording"]["name"]) for folder, document in documents.items()}
     often, taken = Counter(names.values()), set[str]()
+    above = os.path.commonpath([os.path.abspath(folder) for folder in names])
     stems = {}
     for folder, name in names.items():
-        stem = name if often[name] == 1 else UNSAFE.sub("_", f"{name}_{folder}")
+        stem = name if often[name] == 1 else UNSAFE.sub("_", f"{name}_{os.path.relpath(folder, above)}")
         numbered = (stem, *(f"{stem}_{k}" for k in range(2, len(names) + 2)))
         stems[folder] = next(one for one in numbered if one not in taken)
         taken.add(stems[folder])
