@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from camtorque import records
 from camtorque.align import AlignOptions
 from camtorque.align import align as _align
 from camtorque.arrays import Mark, Sensor, recording_from_arrays
@@ -31,7 +30,8 @@ from camtorque.mechanism.predict import Prediction
 from camtorque.mechanism.predict import predict as _predict
 from camtorque.process.threads import on_one_thread
 from camtorque.progress import Progress, silent
-from camtorque.records import CamCycles
+from camtorque.records import CamCycles, Finding
+from camtorque.records import Recording as RecordingRecord
 from camtorque.records import Refusal as Refusal
 from camtorque.report.bundle import RunResult
 from camtorque.report.document import result_document
@@ -42,7 +42,7 @@ from camtorque.run import RunOptions, analyse_recording
 from camtorque.units import RPM
 
 
-class Recording(records.Recording):
+class Recording(RecordingRecord):
     """All that one recording holds.
 
     From a folder by `read`, from arrays by `Recording.from_arrays`. ``recording.of("torque")[0].read()`` returns
@@ -111,7 +111,7 @@ class Recording(records.Recording):
         return cls.of_record(recording_from_arrays(pump, arrays, sample_rate, mark, sensors or {}, name))
 
     @classmethod
-    def of_record(cls, record: records.Recording) -> Recording:
+    def of_record(cls, record: RecordingRecord) -> Recording:
         """Return the same recording with this face."""
         return cls(record.config, record.channels, record.lift_table, record.inputs, record.findings)
 
@@ -183,7 +183,7 @@ class Result(RunResult):
         return _table(self._title, ["parameter", "value", "", "unit", "known by"], rows, self.findings)
 
 
-def _table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], findings: Sequence[records.Finding]) -> str:
+def _table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], findings: Sequence[Finding]) -> str:
     """Return a table with its warnings; every text from a file is escaped."""
 
     def line(tag: str, cells: Sequence[str]) -> str:
@@ -214,7 +214,7 @@ def read(path: Path | str) -> Recording:
 
 
 @on_one_thread
-def align(recording: records.Recording | Path | str, n_theta: int = 3600) -> CamCycles:
+def align(recording: RecordingRecord | Path | str, n_theta: int = 3600) -> CamCycles:
     """Return the cycles of a recording on one cam-angle grid; torque is not needed.
 
     Parameters
@@ -237,7 +237,7 @@ def align(recording: records.Recording | Path | str, n_theta: int = 3600) -> Cam
 
 
 def fit(
-    recording: records.Recording | Path | str, options: RunOptions | None = None, progress: Progress = silent
+    recording: RecordingRecord | Path | str, options: RunOptions | None = None, progress: Progress = silent
 ) -> Result:
     """Align a recording, solve the rigid model and fit the losses; takes some seconds.
 
@@ -317,7 +317,7 @@ def predict(
     config, notes = (pump, ()) if isinstance(pump, PumpConfig) else read_pump(_path(pump, "a pump file"))
     curve = read_pressure_curve(pressure) if isinstance(pressure, Path | str) else pressure
     if curve is not None and not isinstance(curve, PressureCurve):
-        raise records.Refusal(
+        raise Refusal(
             f"predict: found a pressure of type {type(curve).__name__}, expected a CSV file of the pressure over cam "
             "angle or camtorque.PressureCurve(theta, pressure) in rad and Pa"
         )
@@ -338,5 +338,5 @@ def _path(given: Path | str, what: str) -> Path:
         raise Refusal(f"found a value of type {type(given).__name__}, expected the path of {what}") from None
 
 
-def _recording(given: records.Recording | Path | str) -> records.Recording:
-    return given if isinstance(given, records.Recording) else read(given)
+def _recording(given: RecordingRecord | Path | str) -> RecordingRecord:
+    return given if isinstance(given, RecordingRecord) else read(given)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import os
 import re
 import shutil
 import subprocess
@@ -120,6 +121,23 @@ def test_the_face_is_complete_typed_and_documented() -> None:
             assert all(p in (item.__doc__ or "") for p in signature.parameters), name
     with pytest.raises(AttributeError, match="no attribute 'fitt'; it has"):
         _ = camtorque.fitt  # type: ignore[attr-defined]
+
+
+@pytest.mark.slow
+def test_a_script_that_is_checked_strictly_knows_what_it_is_given(tmp_path: Path) -> None:
+    """Every attribute of a recording was Any: its base came from the package, which finds names by itself."""
+    pytest.importorskip("mypy")
+    given = ("read('x')", "read('x').channels", "read('x').of('torque')[0].read()", "fit('x')", "fit('x').fitted",
+             "align('x').torque", "predict('x', 3).shaft_torque", "own_fit('x')")  # fmt: skip
+    lines = [f"reveal_type(camtorque.{text})" for text in given]
+    (tmp_path / "client.py").write_text("\n".join(["import camtorque", *lines]), encoding="utf-8")
+    here = {**os.environ, "PYTHONPATH": str(Path(camtorque.__file__).parents[1])}
+    command = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", str(tmp_path / "cache"), "client.py"]
+    done = subprocess.run(command, cwd=tmp_path, env=here, capture_output=True, text=True, check=False)
+    told = [line for line in done.stdout.splitlines() if "Revealed type" in line]
+    assert done.returncode == 0, done.stdout
+    assert len(told) == len(given)
+    assert not [line for line in told if line.endswith('is "Any"')]
 
 
 def test_arrays_align_as_their_files_do(pump_file: Path, arrays: dict[str, np.ndarray]) -> None:
