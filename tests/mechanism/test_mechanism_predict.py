@@ -92,7 +92,8 @@ def test_friction_of_the_pump_file_adds_to_torque_and_forces(tmp_path):
     curve = read_pressure_curve(CALIBRATION / "paper_pressure.csv")
     table = "[friction]\nguide = 0.1\nbearing_arm_um = 200\npin_arm_um = 30\n[mounting]"
     config = load_pump_config(pump_file(tmp_path, ("[mounting]", table)))
-    assert prediction_document(predict(config, [50.0]))["friction"]["guide"] == 0.1
+    stated = prediction_document(predict(config, [50.0]))["friction"]
+    assert stated == pytest.approx({"guide": 0.1, "bearing_arm_um": 200.0, "pin_arm_um": 30.0})
     assert config.friction == pytest.approx((0.1, 2e-4, 3e-5))
     rough, smooth = (predict(c, [50.0], curve).pumps[0] for c in (config, load_pump_config(PAPER)))
     # the causes that are not friction stay what they were

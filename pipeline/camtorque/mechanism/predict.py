@@ -250,6 +250,7 @@ def _grid(n_theta: int) -> Array:
 def prediction_document(prediction: Prediction) -> dict[str, Any]:
     """Return the prediction as JSON-ready values in border units; a jump that never comes is null."""
     path, roller = prediction.kinematics, prediction.roller
+    arms = {"bearing_arm_um": prediction.friction.bearing_arm, "pin_arm_um": prediction.friction.pin_arm}
     return {
         "schema": "camtorque.predict/1",
         "sweep": sweep_rows(prediction),
@@ -262,7 +263,7 @@ def prediction_document(prediction: Prediction) -> dict[str, Any]:
         "jump": _jump(prediction.jump),
         "jump_without_pressure": _jump(prediction.jump_without_pressure),
         "roller": {"mass_kg": roller.mass, "inertia_kg_m2": roller.inertia, "assumed": roller.assumed},
-        "friction": asdict(prediction.friction),
+        "friction": {"guide": prediction.friction.guide, **{name: 1.0e6 * arm for name, arm in arms.items()}},
         "findings": [asdict(finding) for finding in prediction.findings],
         "curves": _curves(prediction),
     }
