@@ -83,10 +83,11 @@ def read_results(paths: Sequence[Path]) -> dict[str, dict[str, Any]]:
     return {file.parent.as_posix(): read_result(file) for file in files}
 
 
-def refused_below(paths: Sequence[Path]) -> dict[str, str]:
-    """Return why campaigns in and below some paths refused recordings, by name: these have no report to be found."""
-    rows = [row for path in paths for file in _below(path, CAMPAIGN) for row in read_campaign(file)["recordings"]]
-    return {row["name"]: row["error"] for row in rows if row.get("status") == "refused"}
+def refused_below(paths: Sequence[Path]) -> list[tuple[str, str]]:
+    """Return name and reason of what campaigns in and below some paths refused: it has no report to be found."""
+    files = dict.fromkeys(file for path in paths for file in _below(path, CAMPAIGN))
+    rows = [row for file in files for row in read_campaign(file)["recordings"]]
+    return [(row["name"], row["error"]) for row in rows if row.get("status") == "refused"]
 
 
 def recording_path(path: Path) -> Path:

@@ -25,8 +25,7 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     ]
     # a gate that passes because what it was to judge is not there is none
     results += [
-        {"name": name, "report": None, "refused": error, "verdict": CANNOT_TELL, "rows": []}
-        for name, error in refused.items()
+        {"name": name, "report": None, "refused": error, "verdict": CANNOT_TELL, "rows": []} for name, error in refused
     ]
     # folders of a campaign are named by hashes: their order says nothing
     results.sort(key=lambda result: str(result["name"]))
