@@ -25,7 +25,20 @@ LEFT = {"compiled", "config", "grid_choice", "hashes", "jsonable", "limits", "pr
         "results", "stacks", "units", "version"}  # fmt: skip
 ROOMS = ["signal", "ingest", "align", "mechanism", "laws", "fit", "report", "design"]
 FLOWS = ["rehearsal", "run", "campaign", "compare", "finished_fit", "predict_from", "design_from", "plan", "studies"]
-FACES = ["arrays", "frames", "api", "export", "trend", "watch", "lmfit_fit", "commands", "cli", "__main__", "__init__"]
+FACES = [
+    "arrays",
+    "frames",
+    "api",
+    "export",
+    "trend",
+    "growing",
+    "watch",
+    "lmfit_fit",
+    "commands",
+    "cli",
+    "__main__",
+    "__init__",
+]
 ORDER = ["left", *ROOMS, *FLOWS, *FACES]
 HEAVY = {"matplotlib", "weasyprint", "xarray", "openpyxl", "pyarrow", "asammdf"}
 ONLY_SHOWN = {

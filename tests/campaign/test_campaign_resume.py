@@ -236,33 +236,6 @@ def test_one_alone_and_the_list(analysed: list[str], tmp_path: Path) -> None:
         run_only("deep/cc", raw, out, OPTIONS)
 
 
-def test_an_older_joint_fit_does_not_outlive_its_campaign(
-    analysed: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Where a further recording left no joint fit, `predict --from` and `plan` took that of the run before."""
-    raw, out = make(tmp_path / "raw", a="say"), tmp_path / "out"
-    write = flow.write_campaign
-
-    def with_fit(result: Any, folder: Path, reports: Path) -> dict[str, Any]:
-        doc = write(result, folder, reports)
-        (folder / "figures").mkdir(exist_ok=True)
-        for name in ("fit.json", "figures/drift_leakage.svg"):
-            (folder / name).touch()
-        return doc
-
-    monkeypatch.setattr(flow, "write_campaign", with_fit)
-    run_campaign(raw, out, OPTIONS)
-    assert (out / "fit.json").exists()
-    own = out / "figures" / "own.png"
-    own.touch()
-    monkeypatch.setattr(flow, "write_campaign", write)
-    run_campaign(raw, out, OPTIONS)
-    assert not (out / "fit.json").exists()
-    assert not (out / "figures" / "drift_leakage.svg").exists()
-    assert own.exists(), "what the campaign did not write stays"
-    assert verify(out)[1] == {"figures/own.png": "not listed"}
-
-
 def test_what_a_program_reads_of_a_campaign_names_its_schema(
     analysed: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -374,7 +347,7 @@ def test_what_an_earlier_index_had_and_this_one_has_not_is_gone(
     assert (out / "campaign.html").is_file()
     assert (out / "notes.txt").is_file()
     assert (tmp_path / "elsewhere").is_file()
-    assert verify(out)[1] == {}
+    assert verify(out)[1] == {"notes.txt": "not listed"}
 
 
 class Foreign:

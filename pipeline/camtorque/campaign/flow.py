@@ -206,7 +206,7 @@ def _write_index(out: Path, result: CampaignResult) -> dict[str, Any]:
         written = {path.relative_to(scratch).as_posix() for path in visible_files(scratch)}
     for name in earlier - written:
         (out / name).unlink(missing_ok=True)
-    own = [path for path in visible_files(out) if path.relative_to(out).parts[0] != "runs"]
+    own = [out / name for name in written]
     write_checksums(out, [*own, *(out / entry.folder / SUMS for entry in result.entries if entry.folder)])
     return doc
 
