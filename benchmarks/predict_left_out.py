@@ -27,14 +27,12 @@ from benches import as_declared, plain_parser, rig_of, write_rows
 from camtorque.align import align
 from camtorque.finished_fit import chain_of
 from camtorque.fit import leftout
-from camtorque.fit.end_shape import Curve
-from camtorque.fit.endings import EITHER, either, endings_of
-from camtorque.fit.ends import load_for
-from camtorque.fit.firm_end import END_OF
+from camtorque.fit.endings import EITHER, either, endings_of, load_for
 from camtorque.fit.forecast import Forecast, forecast
 from camtorque.fit.joint import joint_fit_of, solve_joint
 from camtorque.fit.joint_fit import shown_covariance
 from camtorque.fit.joint_input import joint_input
+from camtorque.fit.known_ends import END_OF, Curve
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.load_file import curve_through
 from camtorque.fit.prepare import on_grid

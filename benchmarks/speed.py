@@ -36,7 +36,7 @@ from camtorque.fit.search import search  # noqa: E402
 from camtorque.fit.single import FitOptions, fit_prepared, prepare  # noqa: E402
 from camtorque.fit.solver import WHOLE, lift_at, normal_equations, solve, try_at  # noqa: E402
 from camtorque.fit.starts import coarse, refined  # noqa: E402
-from camtorque.fit.valley import swept  # noqa: E402
+from camtorque.fit.valleys import swept  # noqa: E402
 from camtorque.ingest import read_recording  # noqa: E402
 from camtorque.laws.chain import evaluate  # noqa: E402
 from fit_cases import bridged, quick_data, quick_prepared  # noqa: E402

@@ -16,7 +16,7 @@ from camtorque.fit.changes import Attribution, attribution
 from camtorque.fit.pair import SAME_SPEED, Pair, best_pair
 from camtorque.fit.prepare import MeanCycles, mean_cycles
 from camtorque.fit.single import Prepared, prepare
-from camtorque.fit.valley import NO_VALLEY
+from camtorque.fit.valleys import NO_VALLEY
 from camtorque.fit.verdicts import (
     Difference,
     common_attributions,

@@ -20,10 +20,9 @@ from camtorque.design.fitted import FittedPump, FittedStroke
 from camtorque.design.loads import Load as DesignLoad
 from camtorque.design.quantities import PUMP_FIELDS
 from camtorque.finished_fit import FinishedFit, Rig, chain_of, curve_of, read_fit, rig_of
-from camtorque.fit.draws import Load
-from camtorque.fit.end_shape import Curve
 from camtorque.fit.forecast import Forecast
-from camtorque.fit.known_fit import FittedAt, KnownFit
+from camtorque.fit.known_ends import Curve
+from camtorque.fit.known_fit import FittedAt, KnownFit, Load
 from camtorque.ingest.cam_table import read_cam_table
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.lift_laws import lift_law

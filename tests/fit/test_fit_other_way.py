@@ -8,10 +8,9 @@ import pytest
 from camtorque.fit import single
 from camtorque.fit.descent import LOOKED_BACK, Effort
 from camtorque.fit.minima import at_minimum, beside
-from camtorque.fit.other_way import CAM_SIDES, GAINED, OCTAVES, SHAFTS, WAYS, driveline_turned, turned, ways
 from camtorque.fit.problem import with_rows, with_starts
 from camtorque.fit.single import AT_REST, ended, sought_again
-from camtorque.fit.valley import NO_VALLEY
+from camtorque.fit.valleys import CAM_SIDES, GAINED, NO_VALLEY, OCTAVES, SHAFTS, WAYS, driveline_turned, turned, ways
 from camtorque.laws import ROWS
 from camtorque.laws.driveline import cam_side_inertia
 from fit_cases import quick, quick_halves

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from camtorque.fit import minima
 from camtorque.fit import result as result_room
-from camtorque.fit.derived import derived_estimates
+from camtorque.fit.derived import carried, derived_estimates, sureness, work_at
 from camtorque.fit.descent import free_at
 from camtorque.fit.findings import (
     fit_findings,
@@ -19,13 +19,13 @@ from camtorque.fit.findings import (
     mounting_findings,
     prior_findings,
 )
-from camtorque.fit.metrics import parts_of_gap
+from camtorque.fit.kinds import structure_spread
 from camtorque.fit.minima import LIGHT, Halves
 from camtorque.fit.modelled import model_on_grid, modelled
-from camtorque.fit.next_run import TOOTH, proposals
 from camtorque.fit.pair import pair_of
+from camtorque.fit.planning import TOOTH, proposals
 from camtorque.fit.prepare import INDEPENDENT, bin_weights, mean_cycles, on_grid
-from camtorque.fit.residual import BUMP_WINDOW_DEG, phase_at, residual_bumps, ringing
+from camtorque.fit.residual import BUMP_WINDOW_DEG, parts_of_gap, phase_at, residual_bumps, ringing
 from camtorque.fit.result import (
     alternatives,
     fitted_torque,
@@ -36,9 +36,7 @@ from camtorque.fit.search import Found
 from camtorque.fit.single import FitOptions, compared, fit_prepared, pressure_gain_std
 from camtorque.fit.solver import no_lift
 from camtorque.fit.starts import Start, coarse
-from camtorque.fit.structures import structure_spread
 from camtorque.fit.uncertainty import confidence, covariance, knowledge, uncertainty_budget
-from camtorque.fit.work import carried, sureness, work_at
 from camtorque.laws.chain import binned
 from camtorque.laws.driveline import cam_side_inertia
 from camtorque.mechanism.sections import dwell, flank, section_law

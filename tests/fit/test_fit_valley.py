@@ -17,7 +17,7 @@ from camtorque.fit.uncertainty import (
     unresolved_amplitude,
     without_spikes,
 )
-from camtorque.fit.valley import ANGLE, COMPLIANCE, HELD, NO_VALLEY, WALKED, Valley, softer_shaft, swept
+from camtorque.fit.valleys import ANGLE, COMPLIANCE, HELD, NO_VALLEY, WALKED, Valley, softer_shaft, swept
 from camtorque.laws.valve import SEAT_FLOW
 from fit_cases import quick, quick_halves, rig
 from scipy.special import expit

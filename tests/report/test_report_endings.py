@@ -13,11 +13,9 @@ from camtorque.commands.arguments import ENDINGS as WORDS
 from camtorque.commands.texts import fit_name
 from camtorque.finished_fit import FinishedFit
 from camtorque.fit.arrow import ArrowCovariance
-from camtorque.fit.draws import Load, draws
-from camtorque.fit.endings import EITHER, ENDINGS, either, endings_of, if_it_ended_so, own_ending
-from camtorque.fit.ends import UNKNOWN_STD, load_for
+from camtorque.fit.endings import EITHER, ENDINGS, UNKNOWN_STD, either, endings_of, if_it_ended_so, load_for, own_ending
 from camtorque.fit.forecast import Forecast
-from camtorque.fit.known_fit import FittedAt, KnownFit
+from camtorque.fit.known_fit import FittedAt, KnownFit, Load, draws
 from camtorque.jsonable import jsonable
 from camtorque.laws import ROWS
 from camtorque.records import Estimate, Forces, Refusal

@@ -17,15 +17,13 @@ from camtorque.cli import build_parser
 from camtorque.commands.predict import execute
 from camtorque.config.pump import PressureCurve
 from camtorque.finished_fit import FinishedFit, load_curve, read_fit, refuse_load_of_another_pump, rig_of
-from camtorque.fit import ends as ends_module
+from camtorque.fit import endings as endings_module
 from camtorque.fit import forecast as forecast_module
 from camtorque.fit.arrow import ArrowCovariance
-from camtorque.fit.clearance import leakage_factor
-from camtorque.fit.draws import FRACTIONS, Load, draws
-from camtorque.fit.end_shape import Curve, KnownEnd, Match, matched_end
-from camtorque.fit.ends import LEAST_STD, UNKNOWN_STD, found_end, learned_from, load_for, width_of
-from camtorque.fit.forecast import DRAWS, shape_of
-from camtorque.fit.known_fit import FittedAt, KnownFit, law_share, law_std
+from camtorque.fit.endings import LEAST_STD, UNKNOWN_STD, found_end, learned_from, load_for, width_of
+from camtorque.fit.forecast import DRAWS, leakage_factor, shape_of
+from camtorque.fit.known_ends import Curve, KnownEnd, Match, matched_end
+from camtorque.fit.known_fit import FRACTIONS, FittedAt, KnownFit, Load, draws, law_share, law_std
 from camtorque.fit.load_file import curve_through, refuse_below_line, refuse_other_load, rise_angle, rise_range
 from camtorque.fit.shared_lift import SharedLift
 from camtorque.hashes import file_digest
@@ -313,7 +311,7 @@ def test_what_a_coarse_file_blurs_is_learnt_at_the_same_time_between_points(monk
         seen.append(curve)
         return Match(0.8, 1e-4)
 
-    monkeypatch.setattr(ends_module, "matched_end", matched)
+    monkeypatch.setattr(endings_module, "matched_end", matched)
     found = learned([0.8, 0.8, 0.8], step=np.radians(3.0), at=40.0)
     assert {round(curve.step / curve.speed, 9) for curve in seen} == {round(np.radians(3.0) / 40.0, 9)}
     assert found.stderr == pytest.approx(0.01, rel=0.05), "what the points of this file leave open is the least"

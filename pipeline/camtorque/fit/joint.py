@@ -26,13 +26,14 @@ from camtorque.fit.drift import (
     shared_drifts,
 )
 from camtorque.fit.findings import prior_findings
-from camtorque.fit.firm_end import END_OF
 from camtorque.fit.joint_fit import (
     JointFit,
     JointRecording,
     joint_covariance,
     joint_recording,
+    pin_shift,
     shown_covariance,
+    with_likelier_pin,
 )
 from camtorque.fit.joint_input import (
     Alone,
@@ -42,8 +43,8 @@ from camtorque.fit.joint_input import (
     refuse_two_states,
     with_common_rows,
 )
-from camtorque.fit.joint_pin import pin_shift, with_likelier_pin
 from camtorque.fit.joint_solver import JointSolution, solve_many
+from camtorque.fit.known_ends import END_OF
 from camtorque.fit.leftout import HeldOut, Predicted, left_out, poor_findings, predicted, settling_findings
 from camtorque.fit.minima import attempted
 from camtorque.fit.prepare import INDEPENDENT

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from camtorque.fit.pin import ARM, of_most
+from camtorque.fit.kinds import ARM, of_most
 from camtorque.fit.prepare import INDEPENDENT, MeanCycles, law_variance
 from camtorque.fit.problem import FitData, with_rows
 from camtorque.fit.single import Prepared, switching_std

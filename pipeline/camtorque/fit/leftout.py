@@ -16,20 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camtorque.fit.descent import Effort, free_at
-from camtorque.fit.draws import FRACTIONS, Load, draws, middle, steps
-from camtorque.fit.end_shape import Curve
-from camtorque.fit.endings import endings_of
-from camtorque.fit.ends import load_for
-from camtorque.fit.firm_end import END_OF, WIDTHS_OF
+from camtorque.fit.endings import endings_of, load_for
 from camtorque.fit.forecast import values_of
 from camtorque.fit.joint_fit import JointFit, shown_covariance
 from camtorque.fit.joint_input import JointInput
 from camtorque.fit.joint_solver import JointSolution, joint_task, solve_many, try_at
-from camtorque.fit.known_fit import FittedAt, KnownFit
-from camtorque.fit.metrics import metrics
+from camtorque.fit.known_ends import END_OF, WIDTHS_OF, Curve
+from camtorque.fit.known_fit import FRACTIONS, FittedAt, KnownFit, Load, draws, middle, steps
 from camtorque.fit.modelled import modelled
 from camtorque.fit.problem import NEUTRAL, FitData, Problem, build_problem, started_at, with_starts
 from camtorque.fit.quadratic import bounded_quadratic
+from camtorque.fit.residual import metrics
 from camtorque.fit.shared_lift import Asked, asked_by, asked_by_all, given_to
 from camtorque.fit.solver import solve
 from camtorque.laws import ripple
@@ -53,7 +50,7 @@ MOST_TOLD = 5
 MOST_FITTED_ON, FIT_ON_STEPS = 12, 12
 """Largest campaign whose recordings are fitted again without one where the step fails, and the iterations of that."""
 DRAWS = 16
-"""Runs that tell whether the model steps within what the others leave open, by each of `draws.FRACTIONS`."""
+"""Runs that tell whether the model steps within what the others leave open, by each of `known_fit.FRACTIONS`."""
 
 
 @dataclass(frozen=True)

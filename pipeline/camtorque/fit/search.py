@@ -27,9 +27,14 @@ from camtorque.fit.starts import (
     compile_in_two,
     descend,
     ends_at,
+    expected,
     on_search_grid,
+    with_couplings,
+    with_heavier_cams,
+    with_hubs,
+    with_hubs_alone,
+    with_ringing,
 )
-from camtorque.fit.swings import expected, with_couplings, with_heavier_cams, with_hubs, with_hubs_alone, with_ringing
 from camtorque.laws import chamber, valve
 from camtorque.laws.chain import SENSOR_NAMES
 from camtorque.laws.driveline import COMPLIANCE_NAMES, COUPLING_NAMES

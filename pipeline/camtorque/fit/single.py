@@ -12,16 +12,14 @@ import numpy as np
 from camtorque.align.budget import SWITCHING_DELAY, wandered_std
 from camtorque.fit.descent import Effort
 from camtorque.fit.evidence import loss_evidence, where_unexplained
+from camtorque.fit.kinds import OtherPin, chamber_evidence, pin_decided, structure_probabilities, structure_spread
 from camtorque.fit.local_error import weighed_locally
 from camtorque.fit.minima import Candidate, Halves, at_minimum, attempted, beside, followed, with_its_lost_torque
-from camtorque.fit.other_way import ways
-from camtorque.fit.pin import OtherPin, pin_decided
 from camtorque.fit.prepare import INDEPENDENT, MeanCycles, fit_data, mean_cycles, other_half
 from camtorque.fit.problem import STRUCTURES, Problem, with_rows
 from camtorque.fit.residual import explains
 from camtorque.fit.search import DISSATISFYING, Found, search
 from camtorque.fit.solver import Minimum, Solution
-from camtorque.fit.structures import chamber_evidence, structure_probabilities, structure_spread
 from camtorque.fit.uncertainty import (
     Covariance,
     along_valley,
@@ -32,7 +30,7 @@ from camtorque.fit.uncertainty import (
     posterior_at,
     pressure_jacobian,
 )
-from camtorque.fit.valley import ANGLE, Valley, softer_shaft, swept
+from camtorque.fit.valleys import ANGLE, Valley, softer_shaft, swept, ways
 from camtorque.laws.chain import BINS, binned
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.process.second_process import in_two

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from camtorque.fit.changes import ALWAYS, CHANGES, TOLD, Attribution, Hypothesis, mixture, two_ln_odds
+from camtorque.fit.derived import work_at
 from camtorque.fit.pair import Pair
 from camtorque.fit.uncertainty import COVERAGE
-from camtorque.fit.work import work_at
 from camtorque.laws import GROUPS
 from camtorque.laws.chain import coefficients_of
 from camtorque.records import Array
