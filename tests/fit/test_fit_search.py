@@ -21,7 +21,7 @@ def found():
     minimum = quick(LAND)
     start = Start(quick_data(LAND), minimum.solution.lift, minimum.value)
     other = replace(start, data=replace(start.data, structure="spill"), chi_square=2.0 * minimum.value)
-    return search.Found({"land": [start], "spill": [other]}, ((start, minimum),))
+    return search.SearchState({"land": [start], "spill": [other]}, ((start, minimum),))
 
 
 def test_hops_draw_one_part_anew_and_leave_the_others(found):
@@ -37,7 +37,7 @@ def test_hops_draw_one_part_anew_and_leave_the_others(found):
 def test_a_structure_that_lost_all_its_starts_is_tried_again(found):
     ((start, minimum),) = found.minima
     far = replace(start, chi_square=1e9 * start.chi_square)
-    lost = search.Found({"land": [start], "spill": [], "open": [far], "line": [start]}, ((start, minimum),))
+    lost = search.SearchState({"land": [start], "spill": [], "open": [far], "line": [start]}, ((start, minimum),))
     assert lost.value <= search.UNEXPLAINED
     assert search.likely(lost) == ["land", "spill"]
     assert {item.structure for item in search.scanned_again(lost, start.data)["spill"]} == {"spill"}

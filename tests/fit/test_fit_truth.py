@@ -12,7 +12,7 @@ from camtorque.fit.prepare import INDEPENDENT, fit_data, mean_cycles
 from camtorque.fit.problem import build_problem, with_rows, with_starts
 from camtorque.fit.residual import is_explained
 from camtorque.fit.result import fitted_torque
-from camtorque.fit.search import Found, load_anew
+from camtorque.fit.search import SearchState, load_anew
 from camtorque.fit.single import FitOptions, fit_prepared
 from camtorque.fit.solver import lift_at, no_lift, try_at
 from camtorque.fit.starts import (
@@ -286,7 +286,7 @@ def test_weights_of_the_search_are_as_large_as_the_residual():
 def test_the_load_is_begun_anew_on_the_shaft_that_was_found():
     data = with_starts(quick_data(LAND), {"coupling_resonance": 365.0, "dead_volume": 2.0e-6})
     start = Start(coarse(data), no_lift(), 1.0)
-    found = Found({"land": [start], "spill": [], "line": []}, ((start, replace(quick(LAND), data=data)),))
+    found = SearchState({"land": [start], "spill": [], "line": []}, ((start, replace(quick(LAND), data=data)),))
     begun = load_anew(found, coarse(quick_data(LAND)))
     assert set(begun) == {"land", "spill"}
     assert {item.rows["coupling_resonance"].start for group in begun.values() for item in group} == {365.0}

@@ -17,7 +17,16 @@ from camtorque.fit.uncertainty import (
     unresolved_amplitude,
     without_spikes,
 )
-from camtorque.fit.valleys import ANGLE, COMPLIANCE, HELD, NO_VALLEY, WALKED, Valley, softer_shaft, swept
+from camtorque.fit.valleys import (
+    ANGLE,
+    COMPLIANCE,
+    HELD,
+    NO_VALLEY,
+    WALKED,
+    Valley,
+    profile_trigger_angle,
+    softer_shaft,
+)
 from camtorque.laws.valve import SEAT_FLOW
 from fit_cases import quick, quick_halves, rig
 from scipy.special import expit
@@ -36,7 +45,7 @@ def curvature(item):
 
 @pytest.fixture(scope="module")
 def walked(halves):
-    return swept(halves.judged(quick(LAND)), halves)
+    return profile_trigger_angle(halves.judged(quick(LAND)), halves)
 
 
 def test_a_parabola_has_its_own_width():
@@ -74,7 +83,7 @@ def test_a_minimum_that_was_held_aside_finds_the_deeper_place(walked, halves):
     # what a search that stops too early hands on: everything but the angle at its best
     stuck = halves.judged(replace(stuck, data=with_rows(stuck.data, prior)))
     assert stuck.value > walked[0].value + 2.0
-    freed, _ = swept(stuck, halves)
+    freed, _ = profile_trigger_angle(stuck, halves)
     assert freed.value < walked[0].value + 1.0
 
 

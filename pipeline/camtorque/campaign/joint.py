@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 
 from camtorque.fit.joint import CampaignFit, fit_joint
-from camtorque.fit.joint_input import HeldOnce, JointInput, Known
+from camtorque.fit.joint_input import FittedAlone, HeldOnce, JointInput
 from camtorque.ingest.stated import DIMENSIONS, difference_findings, differences
 from camtorque.process.threads import on_one_thread
 from camtorque.records import Finding, Refusal
@@ -27,7 +27,7 @@ def joint_fit(
     """
     if count < 2:
         return _none(f"{counted(count, 'usable recording', 'usable recordings')}, a joint fit needs at least 2")
-    held, known, names, pumps = HeldOnce(), list[Known](), Counter[str](), set[str]()
+    held, known, names, pumps = HeldOnce(), list[FittedAlone](), Counter[str](), set[str]()
     same: dict[bytes, list[str]] = {}
     for item in map(read, range(count)):
         names[item.name] += 1

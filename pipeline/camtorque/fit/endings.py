@@ -27,18 +27,18 @@ from camtorque.fit.known_ends import (
     WIDTHS_OF,
     Curve,
     EndTradeOff,
-    Flank,
     KnownEnd,
-    away,
+    RisingFlank,
     combined,
     firm_place,
     flank_of,
+    ln_speed_from,
     matched_end,
     nearest_ends,
     trade_offs_of,
     variance_of,
 )
-from camtorque.fit.known_fit import FittedAt, KnownFit, Load
+from camtorque.fit.known_fit import FittedAt, KnownFit, LoadKnowledge
 from camtorque.fit.uncertainty import COVERAGE
 from camtorque.laws import ROWS
 from camtorque.laws.chain import ChainInput
@@ -58,7 +58,7 @@ SHIFTS = 4
 
 def load_for(
     known: KnownFit, source: FittedAt, templates: Mapping[str, Curve], chain: ChainInput, curve: Curve
-) -> Load:
+) -> LoadKnowledge:
     """Return what is known of the load under another line pressure: where and how sharply delivery ends [SI].
 
     Parameters
@@ -72,7 +72,7 @@ def load_for(
     Refusal : the points of a file are too far apart in time to show an end
     """
     if source.structure not in END_OF:
-        return Load({}, curve.std)
+        return LoadKnowledge({}, curve.std)
     if curve.step > MATCH_WINDOW * curve.speed:
         raise Refusal(
             f"predict: found a pressure file with points {curve.step / DEGREE:.2g} deg apart under load, "
@@ -99,12 +99,12 @@ def load_for(
     if not alike:
         priors = {name: ROWS[name].prior for name in WIDTHS_OF[source.structure]}
         usual = {name: Estimate(*prior) for name, prior in priors.items() if prior is not None}
-        return Load({END_OF[source.structure]: place, **usual}, curve.std)
+        return LoadKnowledge({END_OF[source.structure]: place, **usual}, curve.std)
     return _with_widths(known, source, teachers, trade_off, place, [item.id for item in near], curve.std)
 
 
 def _ends_at(
-    known: KnownFit, trade_off: EndTradeOff, flank: Flank, templates: Mapping[str, Curve]
+    known: KnownFit, trade_off: EndTradeOff, flank: RisingFlank, templates: Mapping[str, Curve]
 ) -> tuple[list[KnownEnd], EndErrorModel | None, float]:
     """Return fitted ends where a trade-off has them, what they teach, and how far they miss each other [SI^2]."""
     ends, per = [], []
@@ -120,7 +120,7 @@ def _ends_at(
 def _with_widths(
     known: KnownFit, source: FittedAt, teachers: Sequence[FittedAt], trade_off: EndTradeOff, place: Estimate,
     near: Sequence[str], pressure_std: Array,
-) -> Load:  # fmt: skip
+) -> LoadKnowledge:  # fmt: skip
     """Return the load whose delivery ends at a place as the fit knows it, and as sharply as others of its structure."""
     first, end = WIDTHS_OF[source.structure][0], END_OF[source.structure]
     widths = {name: width for name in WIDTHS_OF[source.structure] if (width := width_of(known, name, teachers))}
@@ -129,12 +129,12 @@ def _with_widths(
     own = known.own(source.id)
     about = [(1.0 / len(near), firm_place(known, trade_off, item)[1]) for item in near]
     if first not in own:
-        return Load({end: place, **ends}, pressure_std, {end: combined(about), **means})
+        return LoadKnowledge({end: place, **ends}, pressure_std, {end: combined(about), **means})
     sharp = ends[first].value if first in ends else float(known.values[own[first]])
     pull = trade_off.slope(sharp)
     moved = combined([*about, (pull, means.get(first, {own[first]: 1.0}))])
     begins = Estimate(place.value + trade_off.shift(sharp), place.stderr)
-    return Load({end: begins, **ends}, pressure_std, {end: moved, **means}, {end: (first, pull)})
+    return LoadKnowledge({end: begins, **ends}, pressure_std, {end: moved, **means}, {end: (first, pull)})
 
 
 def student(freedom: int) -> float:
@@ -200,7 +200,7 @@ def learned_from(known: KnownFit, ends: Sequence[KnownEnd], rising: Array, pause
     for k, end in enumerate(ends):
         others = [other for other in ends if other is not end]
         missed.append([matched_end(others, seen, rising).angle - end.angle for seen in _seen(end.curve, pause)])
-        distance[k] = away(others, end.curve.speed)
+        distance[k] = ln_speed_from(others, end.curve.speed)
         near = nearest_ends(others, end.curve.speed)
         apart = combined([(1.0, end.moves), *((-1.0 / len(near), other.moves) for other in near)])
         left_open[k] = variance_of(known, apart)
@@ -221,7 +221,7 @@ def found_end(ends: Sequence[KnownEnd], curve: Curve, rising: Array, learned: En
     match, coarse = matched_end(ends, curve, rising), curve.coarse * curve.step
     if learned is None:
         return Estimate(match.angle, float(np.sqrt(UNKNOWN_STD**2 + coarse**2 / 12.0 + match.variance)))
-    freedom, new = len(ends) - 1, away(ends, curve.speed)
+    freedom, new = len(ends) - 1, ln_speed_from(ends, curve.speed)
     widened = student(freedom) ** 2
     seen = widened * float(np.sum(learned.rest - learned.left_open)) / freedom
     variance = max(seen, match.variance, LEAST_STD**2)
@@ -229,7 +229,6 @@ def found_end(ends: Sequence[KnownEnd], curve: Curve, rising: Array, learned: En
     return Estimate(match.angle - learned.growth * new, float(np.sqrt(variance)))
 
 
-Known = Array | float
 EITHER = "either"
 ENDINGS = (*END_OF, EITHER)
 """What may be asked for."""
@@ -311,7 +310,7 @@ def holding(
     return 0.5 * (low + high), 0.5 * (high - low) / COVERAGE
 
 
-def _reach(middle: Known, *bands: tuple[Known, Known]) -> Array:
+def _reach(middle: Array | float, *bands: tuple[Array | float, Array | float]) -> Array:
     """Return the standard uncertainty with which a band about ``middle`` holds some bands (value, standard error)."""
     ends = [np.abs(middle - value) / COVERAGE + std for value, std in bands]
     return np.asarray(np.max(ends, axis=0))

@@ -17,7 +17,17 @@ from types import MappingProxyType
 
 import numpy as np
 
-from camtorque.fit.known_fit import FRACTIONS, FittedAt, KnownFit, Load, draws, law_share, law_std, middle, steps
+from camtorque.fit.known_fit import (
+    FRACTIONS,
+    FittedAt,
+    KnownFit,
+    LoadKnowledge,
+    draws,
+    law_share,
+    law_std,
+    middle,
+    steps,
+)
 from camtorque.fit.problem import LAND_NAMES, NEUTRAL, SPILL_NAMES
 from camtorque.fit.shared_lift import SharedLift
 from camtorque.laws import ROWS
@@ -122,7 +132,7 @@ class Forecast(ReadOnly):
 
 
 def forecast(
-    known: KnownFit, chain: ChainInput, source: FittedAt, load: Load, changes: Mapping[str, float]
+    known: KnownFit, chain: ChainInput, source: FittedAt, load: LoadKnowledge, changes: Mapping[str, float]
 ) -> Forecast:
     """Return a run at the speed and line pressure of a chain.
 
@@ -157,7 +167,7 @@ def forecast(
 
 
 def _spread(
-    known: KnownFit, chain: ChainInput, source: FittedAt, load: Load, changes: Mapping[str, float]
+    known: KnownFit, chain: ChainInput, source: FittedAt, load: LoadKnowledge, changes: Mapping[str, float]
 ) -> tuple[Mapping[str, Array], tuple[Scatter, ...], bool]:
     """Return the curves of a run, scatters by what the fit leaves open, whether the model steps within that.
 

@@ -99,15 +99,15 @@ def _inverse(solution: JointSolution, before: Array, inflation: float) -> ArrowC
     return arrow_inverse(replace(solution.hessian, blocks=information, diagonal=1.0 / before**2))
 
 
-def shown_covariance(solution: JointSolution, covariance: JointCovariance) -> ArrowCovariance | None:
+def residual_covariance(solution: JointSolution, covariance: JointCovariance) -> ArrowCovariance | None:
     """Return the covariance that the residual alone shows, None where the weights admit no more than that.
 
     The weights admit an error of the laws, the same in all recordings, even where the residual is smaller. It counts in
     what the parameters truly are. In another run the same laws are wrong again: what that leaves is told by left-out
     recordings and must not be counted twice.
     """
-    shown = solution.data_chi_square / covariance.freedom
-    return None if shown >= 1.0 else _inverse(solution, covariance.prior_std, shown)
+    left = solution.data_chi_square / covariance.freedom
+    return None if left >= 1.0 else _inverse(solution, covariance.prior_std, left)
 
 
 def _overlap(covariance: ArrowCovariance, information: Arrow) -> float:

@@ -160,7 +160,7 @@ def log_odds(bush: Candidate, needles: Candidate) -> float | None:
     found = [attempted(laplace, item.problem, item.solution, inflation) for item in (needles, bush)]
     if found[0] is None or found[1] is None:
         return None
-    beside = [item.unseen / inflation for item in (needles, bush)]
+    beside = [item.holdout_penalty / inflation for item in (needles, bush)]
     return 0.5 * (found[0] + beside[0] - found[1] - beside[1]) + math.log(BUSHES / (1.0 - BUSHES))
 
 

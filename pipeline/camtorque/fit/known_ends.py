@@ -126,14 +126,14 @@ def _coarse_misfit(curve: Curve, end: KnownEnd, rising: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Match:
+class MatchedEnd:
     """Where a line pressure looks as known ones do at their ends [rad], and the variance that its points leave."""
 
     angle: float
     variance: float
 
 
-def matched_end(known: Sequence[KnownEnd], curve: Curve, rising: Array) -> Match:
+def matched_end(known: Sequence[KnownEnd], curve: Curve, rising: Array) -> MatchedEnd:
     """Return the angle at which a line pressure looks as known ones do at their ends, and that is likely beside theirs.
 
     It may look so at several places: each is as probable as the squares of what differs there make it, whose size
@@ -146,14 +146,16 @@ def matched_end(known: Sequence[KnownEnd], curve: Curve, rising: Array) -> Match
     """
     squares = misfit(curve, nearest_ends(known, curve.speed), rising)
     compared = 2.0 * _coarse_reach(curve) / curve.step if curve.coarse else FINE_COMPARED
-    weights = (squares / max(float(np.min(squares)), 1e-12) + 1e-12) ** (-0.5 * compared) * likely(known, rising)
+    weights = (squares / max(float(np.min(squares)), 1e-12) + 1e-12) ** (-0.5 * compared) * end_likelihood(
+        known, rising
+    )
     if not curve.coarse:
-        return Match(float(rising[int(np.argmax(weights))]), 0.0)
+        return MatchedEnd(float(rising[int(np.argmax(weights))]), 0.0)
     angle = float(np.average(rising, weights=weights))
-    return Match(angle, float(np.average(np.square(rising - angle), weights=weights)))
+    return MatchedEnd(angle, float(np.average(np.square(rising - angle), weights=weights)))
 
 
-def likely(known: Sequence[KnownEnd], angles: Array) -> Array:
+def end_likelihood(known: Sequence[KnownEnd], angles: Array) -> Array:
     """Return how probable angles (m,) are for one more end beside known ones (Student's distribution, to a factor).
 
     One end alone tells no spread: every angle is as likely.
@@ -171,7 +173,7 @@ def nearest_ends(known: Sequence[KnownEnd], speed: float) -> list[KnownEnd]:
     return sorted(known, key=lambda end: abs(np.log(end.curve.speed / speed)))[:MOST_TEMPLATES]
 
 
-def away(ends: Sequence[KnownEnd], speed: float) -> float:
+def ln_speed_from(ends: Sequence[KnownEnd], speed: float) -> float:
     """Return how far a speed [rad/s] lies from those of the ends that are looked for there, in ln speed."""
     return float(np.mean([np.log(speed / end.curve.speed) for end in nearest_ends(ends, speed)]))
 
@@ -185,7 +187,7 @@ PLACES = 2000
 
 
 @dataclass(frozen=True)
-class Flank(ReadOnly):
+class RisingFlank(ReadOnly):
     """The rising flank on which delivery may end: angles (m,) [rad] and lift there [m]."""
 
     theta: Array
@@ -206,13 +208,13 @@ class Flank(ReadOnly):
         return float(np.interp(angle, self.theta, np.gradient(self.lift, self.theta)))
 
 
-def flank_of(chain: ChainInput) -> Flank:
+def flank_of(chain: ChainInput) -> RisingFlank:
     """Return the rising flank of a chain's cam at `PLACES` angles."""
     lift = np.asarray(chain.law.evaluate(chain.theta, 0))
     top = int(np.argmax(lift >= 0.999 * np.max(lift)))
     inside = chain.theta[(lift > 0.25 * np.max(lift)) & (np.arange(lift.size) <= top)]
     theta = np.linspace(inside[0], inside[-1], PLACES)
-    return Flank(theta, np.asarray(chain.law.evaluate(theta, 0)))
+    return RisingFlank(theta, np.asarray(chain.law.evaluate(theta, 0)))
 
 
 @dataclass(frozen=True)

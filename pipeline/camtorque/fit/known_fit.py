@@ -44,7 +44,7 @@ class FittedAt:
 class KnownFit(ReadOnly):
     """Values and covariance of a fit [SI], and the recordings behind it.
 
-    shown : the covariance as the residual alone has it (`joint_fit.shown_covariance`), None where it is the same
+    residual_covariance : as `joint_fit.residual_covariance`, None where it is the same
     lift : correction of the lift table that all recordings ask for, None where it is not known or the cam is another
     unexplained : recordings of the fit that it does not explain, of which nothing is taken (`without`)
     """
@@ -53,7 +53,7 @@ class KnownFit(ReadOnly):
     values: Array
     covariance: ArrowCovariance
     recordings: tuple[FittedAt, ...]
-    shown: ArrowCovariance | None = None
+    residual_covariance: ArrowCovariance | None = None
     lift: SharedLift | None = None
     unexplained: tuple[str, ...] = ()
 
@@ -65,7 +65,7 @@ class KnownFit(ReadOnly):
     @property
     def predictive(self) -> ArrowCovariance:
         """The covariance that goes into bands: where left-out runs tell the laws' error it need not hold that, too."""
-        return self.shown if self.taught and self.shown is not None else self.covariance
+        return self.residual_covariance if self.taught and self.residual_covariance is not None else self.covariance
 
     @property
     def matrix(self) -> Array:
@@ -99,9 +99,12 @@ class KnownFit(ReadOnly):
             return self
         rest = tuple(item for item in self.recordings if item.id not in recordings)
         kept = sorted({place for item in rest for place in self.own(item.id).values()})
-        shown = None if self.shown is None else ArrowCovariance.whole(self.shown.among(kept))
+        of_residual = self.residual_covariance
+        smaller = None if of_residual is None else ArrowCovariance.whole(of_residual.among(kept))
         explained = self.only([item.id for item in rest])
-        return replace(explained, recordings=rest, shown=shown, lift=self.lift, unexplained=tuple(recordings))
+        return replace(
+            explained, recordings=rest, residual_covariance=smaller, lift=self.lift, unexplained=tuple(recordings)
+        )
 
 
 def law_share(known: KnownFit, speed: float) -> tuple[float, float]:
@@ -139,7 +142,7 @@ all; less is enough where the best values lie on the rare side of a step."""
 
 
 @dataclass(frozen=True)
-class Load(ReadOnly):
+class LoadKnowledge(ReadOnly):
     """What is known of the load of a run that was not made, beside its line pressure.
 
     Attributes
@@ -158,7 +161,12 @@ class Load(ReadOnly):
 
 
 def draws(
-    known: KnownFit, places: Mapping[str, int], mean: Mapping[str, float], load: Load, fraction: float, count: int
+    known: KnownFit,
+    places: Mapping[str, int],
+    mean: Mapping[str, float],
+    load: LoadKnowledge,
+    fraction: float,
+    count: int,
 ) -> list[dict[str, float]]:
     """Return drawn values within the bounds of the rows, ``count`` of them.
 

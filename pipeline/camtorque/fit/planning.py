@@ -114,7 +114,7 @@ LEAST_GAIN = 0.02
 
 
 @dataclass(frozen=True)
-class Point(ReadOnly):
+class OperatingPoint(ReadOnly):
     """One speed and load evaluated: columns by the fit's shared parameters, by the run's own ones, twist at a tooth."""
 
     speed: float
@@ -130,7 +130,7 @@ class Point(ReadOnly):
 class Offer:
     """A run that could be made: speed and load, duration [s], a second tooth or not."""
 
-    point: Point
+    point: OperatingPoint
     duration: float
     tooth: bool
 
@@ -178,7 +178,9 @@ class Measuring:
         return self.own_std.get(name, row.prior[1] if row.prior else (row.upper - row.lower) / np.sqrt(12.0))
 
 
-def point_of(known: KnownFit, chain: ChainInput, source: FittedAt, load: str, measuring: Measuring) -> Point:
+def operating_point(
+    known: KnownFit, chain: ChainInput, source: FittedAt, load: str, measuring: Measuring
+) -> OperatingPoint:
     """Return one speed and load.
 
     Parameters
@@ -198,7 +200,7 @@ def point_of(known: KnownFit, chain: ChainInput, source: FittedAt, load: str, me
         shared[:, k] = by[:, at]
         tooth[k] = turned.get(name, 0.0)
     torque = output.torque + output.linear @ linear
-    return Point(chain.speed, load, torque, shared, np.column_stack(own), tooth, measuring.scatter)
+    return OperatingPoint(chain.speed, load, torque, shared, np.column_stack(own), tooth, measuring.scatter)
 
 
 def evaluated(
@@ -224,8 +226,8 @@ def information(offer: Offer, runs: int) -> Array:
 
 
 def plan(
-    known: KnownFit, target: TargetQuantity, wanted: float, points: Sequence[Point], durations: Sequence[float],
-    teeth: Sequence[bool] = (False, True),
+    known: KnownFit, target: TargetQuantity, wanted: float, points: Sequence[OperatingPoint],
+    durations: Sequence[float], teeth: Sequence[bool] = (False, True),
 ) -> tuple[Step, ...]:  # fmt: skip
     """Return the runs that bring the standard uncertainty of a number to ``wanted`` [SI], best first.
 

@@ -18,7 +18,7 @@ from camtorque.fit.minima import Candidate, Halves, at_minimum, attempted, besid
 from camtorque.fit.prepare import INDEPENDENT, MeanCycles, fit_data, mean_cycles, other_half
 from camtorque.fit.problem import STRUCTURES, Problem, with_rows
 from camtorque.fit.residual import explains
-from camtorque.fit.search import DISSATISFYING, Found, search
+from camtorque.fit.search import DISSATISFYING, SearchState, search
 from camtorque.fit.solver import Minimum, Solution
 from camtorque.fit.uncertainty import (
     Covariance,
@@ -30,7 +30,7 @@ from camtorque.fit.uncertainty import (
     posterior_at,
     pressure_jacobian,
 )
-from camtorque.fit.valleys import ANGLE, Valley, softer_shaft, swept, ways
+from camtorque.fit.valleys import ANGLE, Valley, profile_trigger_angle, softer_shaft, turned_round
 from camtorque.laws.chain import BINS, binned
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.process.second_process import in_two
@@ -141,50 +141,50 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     law = spectral_law(recording.cam_table)
     data = fit_data(recording, cycles, law, means)
     halves = Halves(data, other_half(data, means))
-    minima, valley = sought(halves)
-    if minima[0].doubt > DISSATISFYING:
-        minima, valley = sought_again(minima, valley, halves)
+    minima, valley = search_minima(halves)
+    if minima[0].left_to_explain > DISSATISFYING:
+        minima, valley = with_oil_at_rest(minima, valley, halves)
     kept = distinct(minima)
     weighed, other_pin = pin_decided(weighed_locally(kept, halves, means.odd_even), halves)
     if weighed[0] is not kept[0]:
-        best, valley = swept(weighed[0], halves)
+        best, valley = profile_trigger_angle(weighed[0], halves)
         kept = distinct([best, *weighed[1:]])
     softer = softer_shaft(kept[0], halves)
     return Prepared(recording, cycles, rigid, means, kept, valley, data.chain.shaft_torque, other_pin, softer)
 
 
-def sought(halves: Halves) -> tuple[list[Candidate], Valley]:
+def search_minima(halves: Halves) -> tuple[list[Candidate], Valley]:
     """Return all minima that a search ends at, the best one first, and the valley of that."""
-    ends = compared(search(halves, tuple(STRUCTURES)), halves)
+    ends = every_structure(search(halves, tuple(STRUCTURES)), halves)
     corrected = halves.minimum(with_its_lost_torque, ends[0], halves.fitted.chain.shaft_torque)
     kept = [ends[0], corrected] if corrected else ends[:1]
-    turned = ways(min(kept, key=lambda item: item.value), halves)
-    best, valley = swept(ended(turned[0], halves), halves)
-    return [best, *sorted([*turned, *ends[1:]], key=lambda item: item.value)], valley
+    starts_turned_round = turned_round(min(kept, key=lambda item: item.value), halves)
+    best, valley = profile_trigger_angle(reconverged(starts_turned_round[0], halves), halves)
+    return [best, *sorted([*starts_turned_round, *ends[1:]], key=lambda item: item.value)], valley
 
 
-def ended(found: Candidate, halves: Halves) -> Candidate:
+def reconverged(found: Candidate, halves: Halves) -> Candidate:
     """Return where the descent to a minimum ends, if it was left before it had settled."""
     return found if found.solution.converged else halves.again(found)
 
 
-def sought_again(minima: list[Candidate], valley: Valley, halves: Halves) -> tuple[list[Candidate], Valley]:
-    """Return `sought` with what a search finds whose oil up to the sensor stays at rest, where that is better.
+def with_oil_at_rest(minima: list[Candidate], valley: Valley, halves: Halves) -> tuple[list[Candidate], Valley]:
+    """Return `search_minima` with what a search finds whose oil up to the sensor stays at rest, where that is better.
 
     Search and parameters are the same but for one that is not there, so that other basins are found.
     """
     data = halves.fitted
     upper = data.rows["line_inertance"].upper
     resting = replace(halves, fitted=with_rows(data, {"line_inertance": {"upper": AT_REST}}))
-    still = sought(resting)[0][0]
+    still = search_minima(resting)[0][0]
     freed = halves.minimum(at_minimum, with_rows(still.data, {"line_inertance": {"upper": upper}}))
     if freed is None or freed.value > minima[0].value:
         return minima, valley
-    best, valley = swept(freed, halves)
+    best, valley = profile_trigger_angle(freed, halves)
     return [best, *minima], valley
 
 
-def compared(found: Found, halves: Halves) -> list[Candidate]:
+def every_structure(found: SearchState, halves: Halves) -> list[Candidate]:
     """Return minima that differ and one of every structure that has starts, least chi-square first."""
     data = halves.fitted
     ends = list(distinct([item for _, item in found.minima])[:MINIMA])

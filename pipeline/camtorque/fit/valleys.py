@@ -50,10 +50,10 @@ GAINED, GAINED_SHARE, TURNED_AGAIN = 0.5, 0.03, 6
 """What a minimum has to gain, and as a share of chi-square; how often all is turned once more from the one that did."""
 
 
-def turned(best: Candidate) -> list[FitData]:
+def starts_turned_round(best: Candidate) -> list[FitData]:
     """Return starts with one thing the other way round where doubt is left, and heavier cams where one is asked for."""
     data, found = best.data, []
-    if best.doubt > UNSURE:
+    if best.left_to_explain > UNSURE:
         found = [{name: other_end(data, name, ends)} for name, ends in WAYS.items() if best.problem.index(name) >= 0]
         found += driveline_turned(data)
     if best.light_cam_penalty > TOO_LIGHT:
@@ -80,7 +80,7 @@ def driveline_turned(data: FitData) -> list[dict[str, float]]:
     return [*shafts, *({"coupling_resonance": swings * factor} for factor in OCTAVES)]
 
 
-def ways(best: Candidate, halves: Halves) -> list[Candidate]:
+def turned_round(best: Candidate, halves: Halves) -> list[Candidate]:
     """Return a minimum and those reached by turning things round one at a time, from the best one again, best first.
 
     ``best`` is a minimum on the fine grid, judged.
@@ -90,7 +90,7 @@ def ways(best: Candidate, halves: Halves) -> list[Candidate]:
         before = found[0]
         effort = replace(beside(before.value), basin=before.basin)
         follow = partial(at_minimum, effort=effort, lift=before.solution.lift)
-        ends = in_two(partial(halves.minimum, follow), turned(before))
+        ends = in_two(partial(halves.minimum, follow), starts_turned_round(before))
         others = (end for end in ends if end and not before.basin.holds(end.solution))
         found = sorted([*found, *others], key=lambda item: item.value)
         if found[0] is before:
@@ -143,13 +143,13 @@ class Valley(ReadOnly):
         return float(np.sqrt(np.sum(weight * (between - self.at) ** 2) / np.sum(weight)))
 
 
-Point = tuple[float, float, Candidate]
+HeldValue = tuple[float, float, Candidate]
 """Value that was held [SI], chi-square there with the priors, and the fit."""
 NO_VALLEY = Valley(np.zeros(0), np.zeros(0), np.zeros(0), float("nan"))
 """Of a minimum that nobody walked from."""
 
 
-def swept(best: Candidate, halves: Halves) -> tuple[Candidate, Valley]:
+def profile_trigger_angle(best: Candidate, halves: Halves) -> tuple[Candidate, Valley]:
     """Return the deepest minimum of the valley that a minimum lies in, and the valley.
 
     ``best`` is a minimum on the fine grid, judged.
@@ -188,13 +188,13 @@ def softer_shaft(best: Candidate, halves: Halves) -> Candidate | None:
     return next((end for _, _, end in _held(nearest, halves, COMPLIANCE, np.array([softer]))), None)
 
 
-def _valley(best: Candidate, name: str, points: list[Point]) -> Valley:
+def _valley(best: Candidate, name: str, points: list[HeldValue]) -> Valley:
     places, values = np.array([point[:2] for point in points]).T
-    of_data = np.array([end.solution.data_chi_square + end.unseen for _, _, end in points])
+    of_data = np.array([end.solution.data_chi_square + end.holdout_penalty for _, _, end in points])
     return Valley(places, of_data, values - of_data, float(best.solution.z[best.problem.index(name)]))
 
 
-def _walked(best: Candidate, halves: Halves) -> list[Point]:
+def _walked(best: Candidate, halves: Halves) -> list[HeldValue]:
     """Return all points in order."""
     index = best.problem.index(ANGLE)
     cov = covariance(best.problem, best.solution)
@@ -206,7 +206,7 @@ def _walked(best: Candidate, halves: Halves) -> list[Point]:
     return sorted(points, key=lambda point: point[0])
 
 
-def _until_risen(points: Iterable[Point], least: float, rise: float) -> list[Point]:
+def _until_risen(points: Iterable[HeldValue], least: float, rise: float) -> list[HeldValue]:
     """Return points up to the first whose chi-square is that far above the least of them and what was the least."""
     kept = []
     for point in points:
@@ -217,7 +217,7 @@ def _until_risen(points: Iterable[Point], least: float, rise: float) -> list[Poi
     return kept
 
 
-def _one_way(best: Candidate, halves: Halves, rise: float, step: float) -> list[Point]:
+def _one_way(best: Candidate, halves: Halves, rise: float, step: float) -> list[HeldValue]:
     """Return steps away from a minimum until chi-square has risen."""
     row = best.data.rows[ANGLE]
     places = float(best.solution.z[best.problem.index(ANGLE)]) + step * np.arange(1.0, MOST_STEPS + 1.0)
@@ -225,7 +225,7 @@ def _one_way(best: Candidate, halves: Halves, rise: float, step: float) -> list[
     return _until_risen(_held(best, halves, ANGLE, inside), best.value, rise)
 
 
-def _held(best: Candidate, halves: Halves, name: str, places: Array) -> Iterator[Point]:
+def _held(best: Candidate, halves: Halves, name: str, places: Array) -> Iterator[HeldValue]:
     """Yield fits with a parameter held, each from the one before, with the lift correction of the minimum."""
     mean, std = best.data.rows[name].prior or (0.0, np.inf)
     item = best.data

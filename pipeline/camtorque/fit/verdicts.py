@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camtorque.fit.changes import ALWAYS, CHANGES, TOLD, Attribution, Hypothesis, mixture, two_ln_odds
+from camtorque.fit.changes import ALWAYS, CHANGES, TOLD, Attribution, EventSetPosterior, mixture, two_ln_odds
 from camtorque.fit.derived import work_at
-from camtorque.fit.pair import Pair
+from camtorque.fit.pair import TwoRecordings
 from camtorque.fit.uncertainty import COVERAGE
 from camtorque.laws import GROUPS
 from camtorque.laws.chain import coefficients_of
@@ -82,7 +82,7 @@ def whole_verdict(rows: Sequence[Difference], found: Attribution) -> str:
     return "not changed" if kinds == {"not changed"} else "cannot tell"
 
 
-def parameter_differences(pair: Pair, found: Attribution) -> tuple[Difference, ...]:
+def parameter_differences(pair: TwoRecordings, found: Attribution) -> tuple[Difference, ...]:
     """Return every parameter that belongs to the pump and may differ."""
     result = []
     for j, name in enumerate(found.names):
@@ -120,11 +120,11 @@ def common_attributions(found: Sequence[Attribution]) -> tuple[Attribution, ...]
     return tuple(result)
 
 
-def _within(hypotheses: Sequence[Hypothesis], groups: tuple[str, ...]) -> Hypothesis:
+def _within(hypotheses: Sequence[EventSetPosterior], groups: tuple[str, ...]) -> EventSetPosterior:
     """Return a set, or where it was not worth fitting the best of its parts, with the odds of what it adds."""
     parts = [item for item in hypotheses if set(item.groups) <= set(groups)]
 
-    def score(item: Hypothesis) -> float:
+    def score(item: EventSetPosterior) -> float:
         return item.two_ln_evidence + two_ln_odds([name for name in groups if name not in item.groups])
 
     exact = [item for item in parts if item.groups == groups]
@@ -151,13 +151,13 @@ def _alone(found: Attribution, name: str) -> bool:
     return any(len(CHANGES[g]) == 1 or g == "temperature" for g in found.best if name in CHANGES[g])
 
 
-def works(pair: Pair, values: Array, side: int) -> dict[str, float]:
+def works(pair: TwoRecordings, values: Array, side: int) -> dict[str, float]:
     """Return the work of each loss of one recording at values of the free parameters, (k,) [J per revolution]."""
     full = pair.values(values)
     return work_at(pair.items[side].chain, full, coefficients_of(full))
 
 
-def loss_differences(pair: Pair, found: Attribution) -> tuple[Difference, ...]:
+def loss_differences(pair: TwoRecordings, found: Attribution) -> tuple[Difference, ...]:
     """Return the losses with the differences that their parameters' differences make."""
     base, after = works(pair, found.state.before, 0), works(pair, found.state.after, 1)
     slopes = _slopes(pair, found, after)
@@ -179,7 +179,7 @@ def loss_differences(pair: Pair, found: Attribution) -> tuple[Difference, ...]:
     return tuple(result)
 
 
-def _slopes(pair: Pair, found: Attribution, after: Mapping[str, float]) -> Mapping[str, Array]:
+def _slopes(pair: TwoRecordings, found: Attribution, after: Mapping[str, float]) -> Mapping[str, Array]:
     """Return the derivative of each loss by the differences, (m,) [J per SI]; ``after``: losses of the second."""
     slopes = {name: np.zeros(len(found.names)) for name in LOSSES}
     for j, parameter in enumerate(found.names):
