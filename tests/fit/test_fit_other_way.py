@@ -63,7 +63,7 @@ def test_one_thing_is_turned_at_a_time_where_a_minimum_leaves_doubt(best):
 def test_what_is_the_wrong_way_round_is_turned(best, halves):
     wrong = halves.judged(at_minimum(released(best.data)))
     assert wrong.value > best.value + 100.0  # no small step leads back
-    found = turned_round(wrong, halves)[0]
+    found = turned_round([wrong], halves)[0]
     # with outlet and shaft turned (the outlet alone ends at 300); a round below `GAINED_SHARE` is the last
     assert found.value < 1.3 * best.value
     assert found.solution.lift is not wrong.solution.lift  # of its own contact force
@@ -80,9 +80,9 @@ def test_a_turned_start_is_followed_while_it_may_be_worth_something(best):
 
 
 def test_what_gains_nothing_leaves_the_minimum_as_it_is(best, halves):
-    settled = turned_round(best, halves)[0]
+    settled = turned_round([best], halves)[0]
     assert settled.value <= best.value
-    again = turned_round(settled, halves)
+    again = turned_round([settled], halves)
     assert again[0].value > settled.value - GAINED
     values = [item.value for item in again]
     assert values == sorted(values)

@@ -1,4 +1,21 @@
-"""One recording: means, search, polish, structures, relaxed variant, evidence."""
+"""One recording: its minima, stage by stage, then how sure the best one is and which losses the data need.
+
+A stage takes minima, the best one first, and hands them on so; what each is for, and the decision in docs/decisions
+that holds its measurements:
+
+=======================  ==================================================================================  ==========
+`search`                 minima of all structures from many starts, moves of the best one and hops           0058, 0087
+`every_structure`        one of each structure, so that they can be compared                                 0152
+`with_lost_torque`       what the transducer's low-pass takes away twists the shaft all the same             0094
+`turned_round`           what no small step leads to: one thing at a time the other way round                0118, 0120
+`profile_trigger_angle`  a deeper place in the bent valley of the trigger angle, and how wide that is        0094, 0095
+`with_oil_at_rest`       the same again without the oil up to the sensor, where much is left to explain      0123
+`distinct`               each basin once: what differs stays among what is compared                          0118
+`weighed_locally`        where laws are missing the residual weighs less                                     0155
+`pin_decided`            the pin's other kind, if it is the likelier one; else beside the best one           0158
+`softer_shaft`           a stiff shaft that yields more, beside the best one                                 0159
+=======================  ==================================================================================  ==========
+"""
 
 from __future__ import annotations
 
@@ -155,12 +172,16 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
 
 def search_minima(halves: Halves) -> tuple[list[Candidate], Valley]:
     """Return all minima that a search ends at, the best one first, and the valley of that."""
-    ends = every_structure(search(halves, tuple(STRUCTURES)), halves)
-    corrected = halves.minimum(with_its_lost_torque, ends[0], halves.fitted.chain.shaft_torque)
-    kept = [ends[0], corrected] if corrected else ends[:1]
-    starts_turned_round = turned_round(min(kept, key=lambda item: item.value), halves)
-    best, valley = profile_trigger_angle(reconverged(starts_turned_round[0], halves), halves)
-    return [best, *sorted([*starts_turned_round, *ends[1:]], key=lambda item: item.value)], valley
+    minima = every_structure(search(halves, tuple(STRUCTURES)), halves)
+    minima = turned_round(with_lost_torque(minima, halves), halves)
+    best, valley = profile_trigger_angle(reconverged(minima[0], halves), halves)
+    return [best, *minima], valley
+
+
+def with_lost_torque(minima: list[Candidate], halves: Halves) -> list[Candidate]:
+    """Return minima with the best one as it is with the torque that is lost at it, where that is better."""
+    corrected = halves.minimum(with_its_lost_torque, minima[0], halves.fitted.chain.shaft_torque)
+    return [corrected, *minima[1:]] if corrected and corrected.value < minima[0].value else minima
 
 
 def reconverged(found: Candidate, halves: Halves) -> Candidate:

@@ -17,7 +17,7 @@ looks narrow where the compliance is at its bound.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -80,12 +80,12 @@ def driveline_turned(data: FitData) -> list[dict[str, float]]:
     return [*shafts, *({"coupling_resonance": swings * factor} for factor in OCTAVES)]
 
 
-def turned_round(best: Candidate, halves: Halves) -> list[Candidate]:
-    """Return a minimum and those reached by turning things round one at a time, from the best one again, best first.
+def turned_round(minima: Sequence[Candidate], halves: Halves) -> list[Candidate]:
+    """Return minima, the best one first, with those reached by turning things round one at a time, again from the best.
 
-    ``best`` is a minimum on the fine grid, judged.
+    All are minima on the fine grid, judged.
     """
-    found = [best]
+    found = [minima[0]]
     for _ in range(TURNED_AGAIN):
         before = found[0]
         effort = replace(beside(before.value), basin=before.basin)
@@ -98,7 +98,7 @@ def turned_round(best: Candidate, halves: Halves) -> list[Candidate]:
         found[0] = halves.again(found[0])
         if found[0].value > before.value - max(GAINED, GAINED_SHARE * before.value):
             break
-    return sorted(found, key=lambda item: item.value)
+    return sorted([*found, *minima[1:]], key=lambda item: item.value)
 
 
 ANGLE = "trigger_offset"
