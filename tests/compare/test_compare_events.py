@@ -17,11 +17,11 @@ from camtorque.fit.changes import (
     EventSetPosterior,
     attribution,
     basis_of,
-    candidates,
     evidence_with,
     fitted,
     freed,
     marginal,
+    may_differ,
     near_minimum,
     two_ln_odds,
 )
@@ -233,7 +233,7 @@ def test_what_is_each_recordings_own_is_not_counted_as_an_event_too(monkeypatch:
     """How far the trigger may have moved does not hang on whether its own error has taken that already."""
     monkeypatch.setattr(TwoRecordings, "own", {"trigger_offset": 0.05 * DEGREE})
     pair, groups = made_pair({"trigger_offset": 0.04 * DEGREE}), ["trigger", "leakage", "spring"]
-    values, names = np.array([pair.fixed[name] for name in pair.names]), candidates(pair)
+    values, names = np.array([pair.fixed[name] for name in pair.names]), may_differ(pair)
     before = evaluated(pair, values, basis_of(pair, values, ()), np.zeros(1))
     taken = minimised(pair, before, 20)
     assert taken.moved[0] * 0.05 > 0.03, "the own error has taken most of the difference"

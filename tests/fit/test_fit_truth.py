@@ -18,10 +18,10 @@ from camtorque.fit.solver import lift_at, no_lift, try_at
 from camtorque.fit.starts import (
     SMOOTHINGS_DEG,
     Start,
-    candidates,
     coarse,
     continued,
     descend,
+    first_starts,
     reweighted,
     rising_angles,
 )
@@ -257,7 +257,7 @@ def test_what_counts_as_explained():
 def test_search_finds_the_structure_and_the_truth_from_nothing():
     data = replace(quick_data(SPILL), structure="land", rows=unknown_rows(SPILL))
     rough = coarse(data)
-    tried = {"spill": candidates(rough, "spill")[1::2], "land": candidates(rough, "land")[1::3]}
+    tried = {"spill": first_starts(rough, "spill")[1::2], "land": first_starts(rough, "land")[1::3]}
     found = descend(tried, SMOOTHINGS_DEG, True)
     best = min((group[0] for group in found.values() if group), key=lambda start: start.chi_square)
     assert best.data.structure == "spill"

@@ -140,7 +140,7 @@ class EventSetMinimum:
     two_ln_evidence: float
 
 
-def candidates(pair: TwoRecordings) -> tuple[str, ...]:
+def may_differ(pair: TwoRecordings) -> tuple[str, ...]:
     """Return the parameters that may differ: own ones first."""
     wanted = dict.fromkeys(name for members in CHANGES.values() for name in members)
     return tuple(dict.fromkeys((*pair.own, *(name for name in wanted if name in pair.names))))
@@ -255,7 +255,7 @@ def attribution(pair: TwoRecordings) -> tuple[Attribution, TwoRecordings]:
     factors = min((inflation(pair, state) for state in states.values()), key=lambda item: item[1])
     roots = [root * np.sqrt(f) for root, f in zip((pair.mean_root, pair.difference_root), factors, strict=True)]
     pair = replace(pair, mean_root=roots[0], difference_root=roots[1])
-    found, names = searched(pair, states, groups), candidates(pair)
+    found, names = searched(pair, states, groups), may_differ(pair)
     hypotheses = tuple(differences(pair, item, names) for item in found)
     weight, mean, covariance = mixture(hypotheses, np.array([item.two_ln_evidence for item in hypotheses]))
     free = freed(pair, found[0], names, groups)

@@ -29,7 +29,7 @@ from camtorque.laws.rows import ParameterRow
 from camtorque.process.second_process import in_two
 from camtorque.records import Array, LossEvidence
 
-COMPARED = 40.0
+WEIGHED_WITHIN = 40.0
 """Chi-square over the inflation above the best minimum's up to which a structure is weighed by its evidence."""
 
 
@@ -41,9 +41,9 @@ def structure_probabilities(candidates: Sequence[Candidate], inflation: float) -
     off by some units where parameters lie at their bounds.
     """
     chi = np.array([item.value for item in candidates]) / inflation
-    by_weights = shares(chi)
+    by_weights = probabilities_of(chi)
     names = np.array([item.data.structure for item in candidates])
-    near = [str(name) for name in dict.fromkeys(names[chi < np.min(chi) + COMPARED]) if name != "line"]
+    near = [str(name) for name in dict.fromkeys(names[chi < np.min(chi) + WEIGHED_WITHIN]) if name != "line"]
     if len(near) < 2:
         return tuple(by_weights.tolist())
     logarithms = [_evidence(candidates, name, inflation) for name in near]
@@ -51,7 +51,7 @@ def structure_probabilities(candidates: Sequence[Candidate], inflation: float) -
         return tuple(by_weights.tolist())
     by_evidence = by_weights.copy()
     everything = np.sum(by_weights[np.isin(names, near)])
-    for name, share in zip(near, shares(np.array(logarithms, dtype=float)), strict=True):
+    for name, share in zip(near, probabilities_of(np.array(logarithms, dtype=float)), strict=True):
         by_evidence[names == name] *= everything * share / np.sum(by_weights[names == name])
     return tuple((0.5 * (by_weights + by_evidence)).tolist())
 
@@ -70,7 +70,7 @@ def _evidence(candidates: Sequence[Candidate], structure: str, inflation: float)
     return None if found is None else found + (best.value - best.solution.chi_square) / inflation
 
 
-def shares(logarithms: Array) -> Array:
+def probabilities_of(logarithms: Array) -> Array:
     """Return probabilities, which sum to 1, of what is -2 times their logarithm."""
     weight = np.exp(-0.5 * (logarithms - np.min(logarithms)))
     return np.asarray(weight / np.sum(weight))

@@ -22,12 +22,12 @@ from camtorque.fit.starts import (
     SMOOTHINGS_DEG,
     Start,
     Starts,
-    candidates,
     chi_square_at_start,
     compile_in_two,
     descend,
     ends_at,
     expected,
+    first_starts,
     on_search_grid,
     with_couplings,
     with_heavier_cams,
@@ -201,7 +201,7 @@ def load_anew(found: SearchState, seen: FitData) -> Items:
     """
     rows = found.start.data.rows
     known = {name: rows[name].start for name in COMPLIANCE_NAMES}
-    return {name: [with_starts(item, known) for item in candidates(seen, name)]
+    return {name: [with_starts(item, known) for item in first_starts(seen, name)]
             for name in found.starts if name != "line"}  # fmt: skip
 
 
@@ -266,7 +266,7 @@ def stages(halves: Halves, structures: tuple[str, ...], most: Hops = HOPS) -> It
     """
     seen = SearchData(halves, np.zeros(halves.fitted.chain.theta.size))
     compile_in_two(seen.on_search_grid)
-    first = descend({name: candidates(seen.on_search_grid, name) for name in structures}, SMOOTHINGS_DEG, True)
+    first = descend({name: first_starts(seen.on_search_grid, name) for name in structures}, SMOOTHINGS_DEG, True)
     found = extended(SearchState({name: [] for name in structures}), first, seen)
     seen, found = with_lost_torque_anew(seen, found)
     yield "first starts", found

@@ -47,7 +47,7 @@ from camtorque.fit.uncertainty import (
     posterior_at,
     pressure_jacobian,
 )
-from camtorque.fit.valleys import ANGLE, Valley, profile_trigger_angle, softer_shaft, turned_round
+from camtorque.fit.valleys import TRIGGER_ANGLE, Valley, profile_trigger_angle, softer_shaft, turned_round
 from camtorque.laws.chain import BINS, binned
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.process.second_process import in_two
@@ -117,7 +117,7 @@ class FittedParameters:
     @property
     def std(self) -> Array:
         """Total standard uncertainty, (k,) [SI]."""
-        return np.sqrt(self.statistical_std**2 + variance_of(self.shifts, self.problem.size))
+        return np.sqrt(self.statistical_std**2 + shift_variance(self.shifts, self.problem.size))
 
     @property
     def statistical_std(self) -> Array:
@@ -127,7 +127,7 @@ class FittedParameters:
     @property
     def unbounded_std(self) -> Array:
         """Total standard uncertainty without the bounds, (k,) [SI]: what the data tell, which bounds do not."""
-        return np.sqrt(self.covariance.std**2 + variance_of(self.shifts, self.problem.size))
+        return np.sqrt(self.covariance.std**2 + shift_variance(self.shifts, self.problem.size))
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ class Fit(FittedParameters):
     pressure_gain_std: float
 
 
-def variance_of(shifts: Mapping[str, Array], size: int) -> Array:
+def shift_variance(shifts: Mapping[str, Array], size: int) -> Array:
     """Return the variance that signed deviations (m, k) of all sources add to each of k parameters [SI^2]."""
     return sum((np.sum(rows**2, axis=0) for rows in shifts.values()), np.zeros(size))
 
@@ -247,7 +247,7 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     probabilities = structure_probabilities(prepared.candidates, careful.inflation)
     cov = narrowed(careful, solution)
     deviation = deviation_within(posterior_at(problem, solution, cov.matrix, cov.inflation), solution.z)
-    along = along_valley(deviation, problem.index(ANGLE), prepared.valley.std(cov.inflation))
+    along = along_valley(deviation, problem.index(TRIGGER_ANGLE), prepared.valley.std(cov.inflation))
     shifts, pressures = {BENT: along[None]}, [pressure_moved(best, along)]
     for source, variant, share in variants(prepared):
         shifts[source] = share * (variant.solution.z - solution.z)[None]
@@ -295,7 +295,7 @@ def switching_shift(problem: Problem, angle: float) -> Array:
     The pulse comes that much later than the tooth, and the fit finds the pulse.
     """
     shift = np.zeros(problem.size)
-    shift[problem.index(ANGLE)] = angle
+    shift[problem.index(TRIGGER_ANGLE)] = angle
     return shift
 
 

@@ -88,7 +88,7 @@ def chi_square_at_start(item: FitData, lift: LiftModes, held: Mapping[str, float
     return try_at(problem, problem.start, lift).chi_square
 
 
-def candidates(data: FitData, structure: str) -> list[FitData]:
+def first_starts(data: FitData, structure: str) -> list[FitData]:
     """Return the recording with the starts of one structure."""
     item = in_structure(data, structure)
     if structure == "line":
@@ -161,7 +161,7 @@ def compile_in_two(data: FitData) -> None:
     """Let two processes compile what a fit calls, where none has before: the chamber's time step takes half of that."""
     if not integrate.is_kept:
         follow = partial(continued, smoothing_deg=SMOOTHINGS_DEG[0], core=True, iterations=REWEIGHTINGS)
-        in_two(follow, [candidates(data, structure)[0] for structure in ("line", "land")], at_once=True)
+        in_two(follow, [first_starts(data, structure)[0] for structure in ("line", "land")], at_once=True)
 
 
 def descend(items: dict[str, list[FitData]], smoothings: tuple[float, ...], core_first: bool) -> dict[str, list[Start]]:

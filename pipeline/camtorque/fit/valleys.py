@@ -101,7 +101,7 @@ def turned_round(minima: Sequence[Candidate], halves: Halves) -> list[Candidate]
     return sorted([*found, *minima[1:]], key=lambda item: item.value)
 
 
-ANGLE = "trigger_offset"
+TRIGGER_ANGLE = "trigger_offset"
 COMPLIANCE = "shaft_compliance"
 HELD = 1.0e-9
 """Standard deviation of what is held [rad], [rad/(N m)]."""
@@ -159,12 +159,12 @@ def profile_trigger_angle(best: Candidate, halves: Halves) -> tuple[Candidate, V
         deepest = min(points, key=lambda point: point[1])
         if deepest[1] > best.value - DEEPER:
             break
-        prior = best.data.rows[ANGLE].prior
-        freed = halves.minimum(at_minimum, with_rows(deepest[2].data, {ANGLE: {"prior": prior}}))
+        prior = best.data.rows[TRIGGER_ANGLE].prior
+        freed = halves.minimum(at_minimum, with_rows(deepest[2].data, {TRIGGER_ANGLE: {"prior": prior}}))
         if freed is None or freed.value > best.value - GAINED:
             break
         best = freed
-    return best, _valley(best, ANGLE, points)
+    return best, _valley(best, TRIGGER_ANGLE, points)
 
 
 def softer_shaft(best: Candidate, halves: Halves) -> Candidate | None:
@@ -196,7 +196,7 @@ def _valley(best: Candidate, name: str, points: list[HeldValue]) -> Valley:
 
 def _walked(best: Candidate, halves: Halves) -> list[HeldValue]:
     """Return all points in order."""
-    index = best.problem.index(ANGLE)
+    index = best.problem.index(TRIGGER_ANGLE)
     cov = covariance(best.problem, best.solution)
     std = float(cov.std[index])
     step = min(max(STEP_SHARE * std, STEPS_DEG[0] * DEGREE), STEPS_DEG[1] * DEGREE)
@@ -219,10 +219,10 @@ def _until_risen(points: Iterable[HeldValue], least: float, rise: float) -> list
 
 def _one_way(best: Candidate, halves: Halves, rise: float, step: float) -> list[HeldValue]:
     """Return steps away from a minimum until chi-square has risen."""
-    row = best.data.rows[ANGLE]
-    places = float(best.solution.z[best.problem.index(ANGLE)]) + step * np.arange(1.0, MOST_STEPS + 1.0)
+    row = best.data.rows[TRIGGER_ANGLE]
+    places = float(best.solution.z[best.problem.index(TRIGGER_ANGLE)]) + step * np.arange(1.0, MOST_STEPS + 1.0)
     inside = places[(row.lower <= places) & (places <= row.upper)]
-    return _until_risen(_held(best, halves, ANGLE, inside), best.value, rise)
+    return _until_risen(_held(best, halves, TRIGGER_ANGLE, inside), best.value, rise)
 
 
 def _held(best: Candidate, halves: Halves, name: str, places: Array) -> Iterator[HeldValue]:

@@ -25,7 +25,7 @@ SEEN = 4.3
 SURE = 2.6
 MATTERS = 1.0
 """Size that matters, in steps of a parameter."""
-LOSSES: dict[str, tuple[str, ...]] = {**GROUPS, "pressure": ()}
+BALANCE_LOSSES: dict[str, tuple[str, ...]] = {**GROUPS, "pressure": ()}
 """Loss of the energy balance -> parameters that it vanishes or moves with."""
 SMALL_LOSS = 0.05
 """Change of a loss that matters, as a share of the larger of the loss and a hundredth of the input."""
@@ -163,7 +163,7 @@ def loss_differences(pair: TwoRecordings, found: Attribution) -> tuple[Differenc
     slopes = _slopes(pair, found, after)
     total = sum(base.values())
     result = []
-    for name, members in LOSSES.items():
+    for name, members in BALANCE_LOSSES.items():
         slope = slopes[name]
         std = float(np.sqrt(np.maximum(slope @ found.covariance @ slope, 0.0)))
         free = float(np.sqrt(np.sum((slope * found.free_std) ** 2)))
@@ -181,13 +181,13 @@ def loss_differences(pair: TwoRecordings, found: Attribution) -> tuple[Differenc
 
 def _slopes(pair: TwoRecordings, found: Attribution, after: Mapping[str, float]) -> Mapping[str, Array]:
     """Return the derivative of each loss by the differences, (m,) [J per SI]; ``after``: losses of the second."""
-    slopes = {name: np.zeros(len(found.names)) for name in LOSSES}
+    slopes = {name: np.zeros(len(found.names)) for name in BALANCE_LOSSES}
     for j, parameter in enumerate(found.names):
         k = pair.names.index(parameter)
         step = 0.1 * pair.items[1].rows[parameter].step
         moved = found.state.after.copy()
         moved[k] += step
         shifted = works(pair, moved, 1)
-        for name in LOSSES:
+        for name in BALANCE_LOSSES:
             slopes[name][j] = (shifted[name] - after[name]) / step
     return slopes
