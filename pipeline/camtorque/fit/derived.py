@@ -23,6 +23,10 @@ SHOWN: dict[str, tuple[float, str, str, str, tuple[float, float, float]]] = {
     "shaft_damping": (1.0, "N m s/rad", "c_t", "damping of the shaft's torsion", (-1.0, -1.0, 1.0)),
 }  # fmt: skip
 """Quantity -> SI per unit, unit, symbol, meaning, and its exponents of the parameters of `SHAFT`."""
+NOT_CARRIED = "lift_table"
+"""The correction of the lift is no parameter of the fit."""
+ANGLE, CHAMBER = "cam angle", "plunger pressure"
+"""The two reasons for which pressure makes another torque than the rigid model has."""
 
 
 def derived_estimates(fit: FittedParameters) -> tuple[ParameterEstimate, ...]:
@@ -78,12 +82,6 @@ def delivered_volume(fit: Fit) -> Estimate | None:
     variance = float(slope @ fit.deviation @ slope)
     total = variance + sum(float(np.sum((rows @ slope) ** 2)) for rows in fit.shifts.values())
     return Estimate(base, float(np.sqrt(total)), stderr_statistical=float(np.sqrt(variance)))
-
-
-NOT_CARRIED = "lift_table"
-"""The correction of the lift is no parameter of the fit."""
-ANGLE, CHAMBER = "cam angle", "plunger pressure"
-"""The two reasons for which pressure makes another torque than the rigid model has."""
 
 
 def work_at(chain: ChainInput, values: Mapping[str, float], coefficients: Array) -> dict[str, float]:

@@ -54,6 +54,9 @@ LEAST_ENDS, MOST_ENDS = 3, 12
 """Fitted ends from which misses can be learnt; of more, those nearest in speed teach."""
 SHIFTS = 4
 """Places of the points against the end of delivery with which files are rehearsed."""
+EITHER = "either"
+ENDINGS = (*END_OF, EITHER)
+"""What may be asked for."""
 
 
 def load_for(
@@ -227,11 +230,6 @@ def found_end(ends: Sequence[KnownEnd], curve: Curve, rising: Array, learned: En
     variance = max(seen, match.variance, LEAST_STD**2)
     variance += widened * new**2 / learned.known_growth
     return Estimate(match.angle - learned.growth * new, float(np.sqrt(variance)))
-
-
-EITHER = "either"
-ENDINGS = (*END_OF, EITHER)
-"""What may be asked for."""
 
 
 def endings_of(known: KnownFit, speed: float, asked: str) -> tuple[FittedAt, ...]:

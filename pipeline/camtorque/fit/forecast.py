@@ -51,6 +51,8 @@ DRAWS = 60
 ROUNDS = 4
 """Fixed-point steps for torque, twist and cam angle."""
 Parts = Callable[[ChainInput, Mapping[str, float]], dict[str, Array]]
+CLEARANCE = 4.0e-6
+"""Clearance that a change is counted from where none is given [m]."""
 
 
 @dataclass(frozen=True)
@@ -287,10 +289,6 @@ def stroke_volume(chain: ChainInput, values: Mapping[str, float], output: ChainO
     first, last = (1.0 / specific_volume(output.states[place, 0], *fluid)[0] for place in (0, -1))
     kept = values["gallery_volume"] * (last - first)
     return float(np.mean(output.flows[:, SEAT_FLOW])) * 2.0 * np.pi / chain.speed + kept
-
-
-CLEARANCE = 4.0e-6
-"""Clearance that a change is counted from where none is given [m]."""
 
 
 def leakage_factor(text: str) -> float:

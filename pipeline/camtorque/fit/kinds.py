@@ -31,6 +31,14 @@ from camtorque.records import Array, LossEvidence
 
 WEIGHED_WITHIN = 40.0
 """Chi-square over the inflation above the best minimum's up to which a structure is weighed by its evidence."""
+ARM = "pin_arm"
+BUSH: Mapping[str, object] = {
+    "prior": (140.0e-6, 90.0e-6),
+    "source": "plain bush: mu 0.02-0.06 in mixed friction on 3-5 mm",
+}
+"""What is known of a pin in a plain bush [m]; its law's row holds needles."""
+BUSHES = 0.4
+"""Share of the benches with a plain bush, as far as somebody knows."""
 
 
 def structure_probabilities(candidates: Sequence[Candidate], inflation: float) -> tuple[float, ...]:
@@ -112,16 +120,6 @@ def chamber_evidence(candidates: tuple[Candidate, ...], inflation: float) -> Los
     verdict = "needed" if factor > NEEDED and trusted else "not needed" if factor < -NEEDED else "cannot tell"
     text = f"a chamber apart from the line moves the torque by {size:.2g} N m rms ({strength(factor)})"
     return LossEvidence("chamber", float(factor), verdict, True, size, (size, size), "N m", text)
-
-
-ARM = "pin_arm"
-BUSH: Mapping[str, object] = {
-    "prior": (140.0e-6, 90.0e-6),
-    "source": "plain bush: mu 0.02-0.06 in mixed friction on 3-5 mm",
-}
-"""What is known of a pin in a plain bush [m]; its law's row holds needles."""
-BUSHES = 0.4
-"""Share of the benches with a plain bush, as far as somebody knows."""
 
 
 @dataclass(frozen=True)

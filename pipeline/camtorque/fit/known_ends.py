@@ -34,6 +34,12 @@ LEAST_SPREAD = np.radians(0.5)
 """Standard deviation that ends of delivery have at least from one run to another, however alike the fitted ones are."""
 MOST_TEMPLATES = 2
 """Fitted recordings, the nearest in speed, whose shapes are looked for."""
+END_OF = {"land": END_NAMES[0], "spill": SPILL_NAMES[0]}
+"""Structure -> parameter that says where delivery ends."""
+WIDTHS_OF = {"land": END_NAMES[1:], "spill": SPILL_NAMES[1:]}
+"""Structure -> parameters that say how sharply it ends, the width of the end first."""
+PLACES = 2000
+"""Angles among which an end is looked for."""
 
 
 @dataclass(frozen=True)
@@ -176,14 +182,6 @@ def nearest_ends(known: Sequence[KnownEnd], speed: float) -> list[KnownEnd]:
 def ln_speed_from(ends: Sequence[KnownEnd], speed: float) -> float:
     """Return how far a speed [rad/s] lies from those of the ends that are looked for there, in ln speed."""
     return float(np.mean([np.log(speed / end.curve.speed) for end in nearest_ends(ends, speed)]))
-
-
-END_OF = {"land": END_NAMES[0], "spill": SPILL_NAMES[0]}
-"""Structure -> parameter that says where delivery ends."""
-WIDTHS_OF = {"land": END_NAMES[1:], "spill": SPILL_NAMES[1:]}
-"""Structure -> parameters that say how sharply it ends, the width of the end first."""
-PLACES = 2000
-"""Angles among which an end is looked for."""
 
 
 @dataclass(frozen=True)

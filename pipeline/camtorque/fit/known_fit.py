@@ -23,6 +23,12 @@ LEAST_LEFT_OUT = 3
 """Left-out recordings that tell an error within the fitted speeds and its growth beyond them."""
 FLOOR = 0.15
 """Share of the law's error that is spread over the revolution whatever the torque is."""
+FRACTIONS = (0.2, 1.0)
+"""Draws are such shares of the covariance's standard deviations away; their scatter is scaled up again, and the smaller
+one counts: small draws make too much of a step of the model, large ones of the bounds."""
+STEP_RATIO, RARE_RATIO = 2.5, 0.7
+"""Scatter of small draws, scaled up, over that of whole ones: 0.1 to 1.4 in 33 left-out runs, 4 to 5 where steps are
+all; less is enough where the best values lie on the rare side of a step."""
 
 
 @dataclass(frozen=True)
@@ -131,14 +137,6 @@ def law_std(torque: Array, share: float) -> Array:
     square = torque**2
     shape = np.sqrt((1.0 - FLOOR) * square + FLOOR * np.mean(square)) / np.sqrt(np.mean(square))
     return np.asarray(share * np.max(np.abs(torque)) * shape)
-
-
-FRACTIONS = (0.2, 1.0)
-"""Draws are such shares of the covariance's standard deviations away; their scatter is scaled up again, and the smaller
-one counts: small draws make too much of a step of the model, large ones of the bounds."""
-STEP_RATIO, RARE_RATIO = 2.5, 0.7
-"""Scatter of small draws, scaled up, over that of whole ones: 0.1 to 1.4 in 33 left-out runs, 4 to 5 where steps are
-all; less is enough where the best values lie on the rare side of a step."""
 
 
 @dataclass(frozen=True)

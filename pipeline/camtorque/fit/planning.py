@@ -40,6 +40,13 @@ SPEED_FACTORS = (0.6, 1.6)
 WORTH = 0.85
 """A proposal is told when it brings a standard uncertainty below this share of today's."""
 OUTCOMES = ("trigger_offset", "dead_volume", "leakage", "bearing_arm", "shaft_compliance", "shaft_viscous")
+SETUP_MINUTES, TOOTH_MINUTES = 10.0, 45.0
+"""What it costs to set a point and to fit a second tooth."""
+MOST_RUNS = 6
+AS_GOOD = 1.01
+"""An uncertainty of so many times what is wanted is as good: it is printed with two digits."""
+LEAST_GAIN = 0.02
+"""A run that narrows the number by less than this share for what one setting of the bench costs is not worth making."""
 
 
 def next_measurement(fit: Fit) -> tuple[str, ...]:
@@ -102,15 +109,6 @@ def _joined(fit: Fit, information: Array, factor: float) -> Array:
     total = information.copy()
     total[shared] += added[shared] - cross @ np.linalg.solve(block, cross.T)
     return inverse(total)
-
-
-SETUP_MINUTES, TOOTH_MINUTES = 10.0, 45.0
-"""What it costs to set a point and to fit a second tooth."""
-MOST_RUNS = 6
-AS_GOOD = 1.01
-"""An uncertainty of so many times what is wanted is as good: it is printed with two digits."""
-LEAST_GAIN = 0.02
-"""A run that narrows the number by less than this share for what one setting of the bench costs is not worth making."""
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,16 @@ CORRELATION = 6.0
 """Angle over which neighbouring residuals are one value [deg]: the transducer's low-pass and smooth errors of laws."""
 INDEPENDENT = 360.0 / CORRELATION
 """Independent values per revolution: the one count that weights, evidence and inflation use."""
+SETTLING, LEAST_BASE = 40.0 * DEGREE, 60.0 * DEGREE
+"""Angle after the lift in which shafts ring; least angle behind it that tells an order."""
+ORDERS = range(4, 200)
+"""Orders that are looked for: below are misalignment and drift, above is what no transducer shows."""
+STANDS_OUT, ALIKE = 0.5, 0.3
+"""Share of the variance of the base circle's torque that one order has to be, and difference of both halves over it:
+of 64 recordings of four makers 13 without such a drive have an order of 0.5 to 0.78, whose halves differ by 0.59 or
+more; one with a gear of 41 teeth has 0.79 and 0.17."""
+LEAST_SHARE = 3.0e-4
+"""Amplitude that is worth a law, as a share of the peak torque."""
 
 
 @dataclass(frozen=True)
@@ -138,18 +148,6 @@ def other_half(data: FitData, means: MeanCycles) -> FitData:
 def binned_at_centres(values: Array) -> Array:
     """Return the mean over each bin of a periodic signal on any grid, (BINS,)."""
     return binned(on_grid(values, FIT_GRID))
-
-
-SETTLING, LEAST_BASE = 40.0 * DEGREE, 60.0 * DEGREE
-"""Angle after the lift in which shafts ring; least angle behind it that tells an order."""
-ORDERS = range(4, 200)
-"""Orders that are looked for: below are misalignment and drift, above is what no transducer shows."""
-STANDS_OUT, ALIKE = 0.5, 0.3
-"""Share of the variance of the base circle's torque that one order has to be, and difference of both halves over it:
-of 64 recordings of four makers 13 without such a drive have an order of 0.5 to 0.78, whose halves differ by 0.59 or
-more; one with a gear of 41 teeth has 0.79 and 0.17."""
-LEAST_SHARE = 3.0e-4
-"""Amplitude that is worth a law, as a share of the peak torque."""
 
 
 def repeated_order(torque: Array, lift: Array) -> int:

@@ -25,6 +25,8 @@ BUMP_WINDOW_DEG = 3.0
 MOST_BUMPS = 4
 LEAST_SWINGS, RINGING_SHARE, RINGING_WIDTH = 5, 0.5, 12
 """A bump rings where so many swings at least, within so many quarters of a line of the spectrum, hold this share."""
+STROKE = (0.05, 0.95)
+"""Shares of the lift between which a stroke counts."""
 
 
 def mean_square_about(values: Array, reach: int) -> Array:
@@ -144,10 +146,6 @@ def phase_at(fitted: Any, place: int) -> str:
     if share > 0.97:
         return "top dwell"
     return "compression" if rising else "expansion on the return"
-
-
-STROKE = (0.05, 0.95)
-"""Shares of the lift between which a stroke counts."""
 
 
 def stroke_masks(lift: Array, velocity: Array) -> tuple[Mask, Mask]:

@@ -52,6 +52,24 @@ LEFT_AT_LAST = 2
 """Starts of a structure that are followed to the end of the ladder."""
 KEEP_FACTOR, KEEP_MARGIN = 4.0, 150.0
 """A start is followed while its chi-square is below the best one's times and plus these."""
+HUB_RUNGS = ((3.5, 4, 8), (1.5, 8, 3))
+"""Smoothing [deg] of the scan of hubs, iterations, and how many are followed after it."""
+SHAFTS_WITH_HUB = ((60.0e-6, 1200.0), (200.0e-6, 620.0), (400.0e-6, 450.0))
+"""Compliance [rad/(N m)] and frequency of ringing [Hz] of the shafts on which hubs are tried."""
+RINGINGS = tuple(
+    {"shaft_resonance": 2.0 * np.pi * hertz, "shaft_damping_ratio": ratio}
+    for ratio, count in ((0.02, 72), (0.06, 36), (0.2, 18)) for hertz in np.geomspace(120.0, 2600.0, count)
+)  # fmt: skip
+"""Shafts on which the cam rings: the true ones stand in a narrow dip of frequency."""
+CAM_SIDES = (1.0, 1.4, 2.0, 3.0)
+"""Inertias of the cam's side that are tried, over the sheet's cam."""
+STIFFER = (1.0, 0.7, 0.5)
+"""Compliances that are tried with them, over that of the shaft which they replace."""
+ELASTOMER = 2.0
+"""Logarithm of the damping time of a coupling's elastomer over that of steel."""
+SCANNED_KEPT = 3
+APART = 1.1
+"""Least ratio of two frequencies of ringing that are followed."""
 
 
 @dataclass(frozen=True)
@@ -196,15 +214,6 @@ def coupled(hertz: float, soft: float, ratio: float) -> dict[str, float]:
     return {"coupling_resonance": 2.0 * np.pi * hertz, "coupling_compliance": soft, "coupling_damping": ratio}
 
 
-HUB_RUNGS = ((3.5, 4, 8), (1.5, 8, 3))
-"""Smoothing [deg] of the scan of hubs, iterations, and how many are followed after it."""
-SHAFTS_WITH_HUB = ((60.0e-6, 1200.0), (200.0e-6, 620.0), (400.0e-6, 450.0))
-"""Compliance [rad/(N m)] and frequency of ringing [Hz] of the shafts on which hubs are tried."""
-RINGINGS = tuple(
-    {"shaft_resonance": 2.0 * np.pi * hertz, "shaft_damping_ratio": ratio}
-    for ratio, count in ((0.02, 72), (0.06, 36), (0.2, 18)) for hertz in np.geomspace(120.0, 2600.0, count)
-)  # fmt: skip
-"""Shafts on which the cam rings: the true ones stand in a narrow dip of frequency."""
 COUPLINGS = tuple(
     coupled(hertz, soft, ratio)
     for ratio, count in ((0.07, 36), (0.3, 18)) for hertz in np.geomspace(30.0, 3000.0, count)
@@ -213,15 +222,6 @@ COUPLINGS = tuple(
 """Couplings on which the hub between drive and transducer swings."""
 HUBS = tuple(coupled(hertz, soft, 0.07) for hertz in np.geomspace(30.0, 500.0, 11) for soft in (80.0e-6, 300.0e-6))
 """Hubs that swing on a yielding coupling."""
-CAM_SIDES = (1.0, 1.4, 2.0, 3.0)
-"""Inertias of the cam's side that are tried, over the sheet's cam."""
-STIFFER = (1.0, 0.7, 0.5)
-"""Compliances that are tried with them, over that of the shaft which they replace."""
-ELASTOMER = 2.0
-"""Logarithm of the damping time of a coupling's elastomer over that of steel."""
-SCANNED_KEPT = 3
-APART = 1.1
-"""Least ratio of two frequencies of ringing that are followed."""
 
 
 def expected(data: FitData, names: Iterable[str]) -> dict[str, float]:

@@ -48,6 +48,23 @@ TOO_LIGHT = 1.0
 """Chi-square of a light cam's side (`Candidate.light_cam_penalty`) from which shafts that ring alike are tried."""
 GAINED, GAINED_SHARE, TURNED_AGAIN = 0.5, 0.03, 6
 """What a minimum has to gain, and as a share of chi-square; how often all is turned once more from the one that did."""
+TRIGGER_ANGLE = "trigger_offset"
+COMPLIANCE = "shaft_compliance"
+HELD = 1.0e-9
+"""Standard deviation of what is held [rad], [rad/(N m)]."""
+STEP_SHARE, STEPS_DEG = 0.6, (0.02, 0.3)
+"""Step in standard deviations of the angle at the minimum, and its limits [deg]."""
+MOST_STEPS, ROUNDS = 14, 3
+A_STEP = Effort(12, gain=2.0e-3)
+STIFF, FACTOR, MOST_FACTORS = 2.0, 2.0, 7
+"""A shaft is stiff whose compliance lies that many standard deviations above its lower bound or less; it is walked by
+that factor a step, in so many steps at most."""
+WALKED = 9.0
+"""Rise of chi-square at which a walk ends: three standard deviations."""
+DEEPER = 1.0
+"""Fall of chi-square on the walk from which a minimum is sought there; it has to gain `GAINED`."""
+HeldValue = tuple[float, float, Candidate]
+"""Value that was held [SI], chi-square there with the priors, and the fit."""
 
 
 def starts_turned_round(best: Candidate) -> list[FitData]:
@@ -101,23 +118,6 @@ def turned_round(minima: Sequence[Candidate], halves: Halves) -> list[Candidate]
     return sorted([*found, *minima[1:]], key=lambda item: item.value)
 
 
-TRIGGER_ANGLE = "trigger_offset"
-COMPLIANCE = "shaft_compliance"
-HELD = 1.0e-9
-"""Standard deviation of what is held [rad], [rad/(N m)]."""
-STEP_SHARE, STEPS_DEG = 0.6, (0.02, 0.3)
-"""Step in standard deviations of the angle at the minimum, and its limits [deg]."""
-MOST_STEPS, ROUNDS = 14, 3
-A_STEP = Effort(12, gain=2.0e-3)
-STIFF, FACTOR, MOST_FACTORS = 2.0, 2.0, 7
-"""A shaft is stiff whose compliance lies that many standard deviations above its lower bound or less; it is walked by
-that factor a step, in so many steps at most."""
-WALKED = 9.0
-"""Rise of chi-square at which a walk ends: three standard deviations."""
-DEEPER = 1.0
-"""Fall of chi-square on the walk from which a minimum is sought there; it has to gain `GAINED`."""
-
-
 @dataclass(frozen=True)
 class Valley(ReadOnly):
     """Values of a parameter that were held (m,) [SI] with what they cost, and its value at the best minimum [SI].
@@ -143,8 +143,6 @@ class Valley(ReadOnly):
         return float(np.sqrt(np.sum(weight * (between - self.at) ** 2) / np.sum(weight)))
 
 
-HeldValue = tuple[float, float, Candidate]
-"""Value that was held [SI], chi-square there with the priors, and the fit."""
 NO_VALLEY = Valley(np.zeros(0), np.zeros(0), np.zeros(0), float("nan"))
 """Of a minimum that nobody walked from."""
 
