@@ -18,7 +18,7 @@ from benches import plain_parser, write_rows
 from camtorque.compare import compare_prepared
 from camtorque.fit.prepare import mean_cycles
 from camtorque.fit.single import Prepared, prepare
-from camtorque.fit.valley import NO_VALLEY
+from camtorque.fit.valleys import NO_VALLEY
 from camtorque.laws import ROWS
 from camtorque.mechanism.lift_laws import lift_law
 from camtorque.mechanism.mounting import Mounting

@@ -19,11 +19,11 @@ from pathlib import Path
 import numpy as np
 from benches import plain_parser, rig_of, write_rows
 from camtorque.finished_fit import chain_of
-from camtorque.fit.end_shape import Curve
 from camtorque.fit.joint import joint_fit_of, solve_joint
 from camtorque.fit.joint_input import JointInput, joint_input
+from camtorque.fit.known_ends import Curve
 from camtorque.fit.known_fit import FittedAt, KnownFit
-from camtorque.fit.planning import Measuring, TargetQuantity, plan, point_of
+from camtorque.fit.planning import Measuring, TargetQuantity, operating_point, plan
 from camtorque.fit.single import Prepared, prepare
 from camtorque.plan import SPEED_FACTORS
 from camtorque.units import RPM
@@ -110,7 +110,7 @@ def proposed(bench: Bench, added: Runs, target: str) -> Run | None:
         loads[source.id] = run[1]
         for share in SPEED_FACTORS:
             points.append(
-                point_of(
+                operating_point(
                     known,
                     chain_of(rig_of(item), MIDDLE * share * RPM, curve, source.structure),
                     source,

@@ -27,18 +27,16 @@ from benches import as_declared, plain_parser, rig_of, write_rows
 from camtorque.align import align
 from camtorque.finished_fit import chain_of
 from camtorque.fit import leftout
-from camtorque.fit.end_shape import Curve
-from camtorque.fit.endings import EITHER, either, endings_of
-from camtorque.fit.ends import load_for
-from camtorque.fit.firm_end import END_OF
+from camtorque.fit.endings import EITHER, either, endings_of, load_for
 from camtorque.fit.forecast import Forecast, forecast
 from camtorque.fit.joint import joint_fit_of, solve_joint
-from camtorque.fit.joint_fit import shown_covariance
+from camtorque.fit.joint_fit import residual_covariance
 from camtorque.fit.joint_input import joint_input
+from camtorque.fit.known_ends import END_OF, Curve
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.load_file import curve_through
 from camtorque.fit.prepare import on_grid
-from camtorque.fit.shared_lift import given_to
+from camtorque.fit.shared_lift import shared_lift_from
 from camtorque.fit.single import Prepared, prepare
 from camtorque.ingest import read_recording
 from camtorque.ingest.pump_file import read_pressure_curve
@@ -73,8 +71,8 @@ def known_fit(used: Sequence[Prepared]) -> KnownFit:
         for item, data in zip(used, problem.data, strict=True)
     ]
     cov = fit.covariance
-    lift = given_to(problem, others.lift)
-    return KnownFit(problem.names, solution.z, cov.arrow, tuple(recordings), shown_covariance(solution, cov), lift)
+    lift = shared_lift_from(problem, others.lift)
+    return KnownFit(problem.names, solution.z, cov.arrow, tuple(recordings), residual_covariance(solution, cov), lift)
 
 
 def from_file(left: Prepared, step_deg: float) -> Curve:

@@ -14,9 +14,9 @@ import numpy as np
 from benches import plain_parser, rig_of, write_rows
 from camtorque.finished_fit import chain_of
 from camtorque.fit.arrow import ArrowCovariance
-from camtorque.fit.end_shape import Curve
-from camtorque.fit.ends import load_for
+from camtorque.fit.endings import load_for
 from camtorque.fit.forecast import forecast
+from camtorque.fit.known_ends import Curve
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.prepare import on_grid
 from camtorque.fit.single import FitOptions, Prepared, fit_prepared, prepare

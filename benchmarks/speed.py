@@ -36,7 +36,7 @@ from camtorque.fit.search import search  # noqa: E402
 from camtorque.fit.single import FitOptions, fit_prepared, prepare  # noqa: E402
 from camtorque.fit.solver import WHOLE, lift_at, normal_equations, solve, try_at  # noqa: E402
 from camtorque.fit.starts import coarse, refined  # noqa: E402
-from camtorque.fit.valley import swept  # noqa: E402
+from camtorque.fit.valleys import profile_trigger_angle  # noqa: E402
 from camtorque.ingest import read_recording  # noqa: E402
 from camtorque.laws.chain import evaluate  # noqa: E402
 from fit_cases import bridged, quick_data, quick_prepared  # noqa: E402
@@ -146,10 +146,10 @@ def recording_lines(problem: Problem) -> Iterator[str]:
     yield "|---|---|---|---|"
     for count in (1, 2, 5, 10, 20):
         joint = build_problem([replace(item, name=f"r{k}") for k in range(count)])
-        task = joint_solver.joint_task(joint, joint.start, 0.0)
+        setup = joint_solver.joint_setup(joint, joint.start, 0.0)
 
-        def one_pass(task: joint_solver.Task = task) -> None:
-            joint_solver.linearised(task, joint_solver.try_at(task, task.problem.start))
+        def one_pass(setup: joint_solver.JointSetup = setup) -> None:
+            joint_solver.linearised(setup, joint_solver.try_at(setup, setup.problem.start))
 
         cost = seconds(one_pass, 2)
         yield f"| {count} | {joint.size} | {1e3 * cost:.0f} ms | {1e3 * cost / count:.1f} ms |"
@@ -163,7 +163,7 @@ def stage_lines() -> Iterator[str]:
     data = quick_data(CASE)
     halves = Halves(data, data)
     searching, _ = once(lambda: search(halves, tuple(STRUCTURES)))
-    walking, _ = once(lambda: swept(prepared.candidates[0], halves))
+    walking, _ = once(lambda: profile_trigger_angle(prepared.candidates[0], halves))
     plain, _ = once(lambda: fit_prepared(prepared, FitOptions(evidence=False)))
     told, _ = once(lambda: fit_prepared(prepared, FitOptions()))
     total = searching + walking + told

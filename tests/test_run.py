@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from camtorque import cli
 from camtorque.campaign.find import search
-from camtorque.fit.metrics import metrics
 from camtorque.fit.planning import Measuring
+from camtorque.fit.residual import metrics
 from camtorque.laws import ROWS
 from camtorque.plan import measuring_of
 from camtorque.records import Refusal

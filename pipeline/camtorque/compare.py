@@ -13,10 +13,10 @@ from camtorque.align import align
 from camtorque.config.recording import load_recording_config
 from camtorque.config.schemas import RECORDING_FILE
 from camtorque.fit.changes import Attribution, attribution
-from camtorque.fit.pair import SAME_SPEED, Pair, best_pair
+from camtorque.fit.pair import SAME_SPEED, TwoRecordings, best_pair
 from camtorque.fit.prepare import MeanCycles, mean_cycles
 from camtorque.fit.single import Prepared, prepare
-from camtorque.fit.valley import NO_VALLEY
+from camtorque.fit.valleys import NO_VALLEY
 from camtorque.fit.verdicts import (
     Difference,
     common_attributions,
@@ -50,7 +50,7 @@ class Compared:
 
     before: Prepared
     after: Prepared
-    pair: Pair
+    pair: TwoRecordings
     found: Attribution
 
     @property

@@ -17,13 +17,12 @@ import numpy as np
 from camtorque.config.pump import PressureCurve
 from camtorque.design.answer import Answer
 from camtorque.design.fitted import FittedPump, FittedStroke
-from camtorque.design.loads import Load as DesignLoad
+from camtorque.design.loads import Load
 from camtorque.design.quantities import PUMP_FIELDS
 from camtorque.finished_fit import FinishedFit, Rig, chain_of, curve_of, read_fit, rig_of
-from camtorque.fit.draws import Load
-from camtorque.fit.end_shape import Curve
 from camtorque.fit.forecast import Forecast
-from camtorque.fit.known_fit import FittedAt, KnownFit
+from camtorque.fit.known_ends import Curve
+from camtorque.fit.known_fit import FittedAt, KnownFit, LoadKnowledge
 from camtorque.ingest.cam_table import read_cam_table
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.lift_laws import lift_law
@@ -91,7 +90,7 @@ def _run(
     known: KnownFit, source: FittedAt, rig: Rig, curve: Curve, speed: float, ends: Mapping[str, Estimate] | None = None
 ) -> tuple[Forecast, Forces]:
     chain = chain_of(rig, speed, curve, source.structure)
-    return on_one_thread(with_forces)(known, source, rig, chain, Load(ends or {}), {})
+    return on_one_thread(with_forces)(known, source, rig, chain, LoadKnowledge(ends or {}), {})
 
 
 def as_fitted(fit: FinishedFit, answer: Answer, table: Path) -> list[dict[str, Any]]:
@@ -118,7 +117,7 @@ def as_fitted(fit: FinishedFit, answer: Answer, table: Path) -> list[dict[str, A
     return rows
 
 
-def _pair(fit: FinishedFit, source: FittedAt, before: Rig, after: Rig, load: DesignLoad) -> dict[str, Any]:
+def _pair(fit: FinishedFit, source: FittedAt, before: Rig, after: Rig, load: Load) -> dict[str, Any]:
     known, curve = fit.known, curve_of(fit.reports[source.id], source.speed)
     places = known.own(source.id)
     offset = float(known.values[places["trigger_offset"]]) if "trigger_offset" in places else 0.0

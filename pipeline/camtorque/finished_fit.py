@@ -13,7 +13,7 @@ import numpy as np
 from camtorque.align import align
 from camtorque.config import PumpData
 from camtorque.config.recording import load_recording_config
-from camtorque.fit.end_shape import Curve
+from camtorque.fit.known_ends import Curve
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.prepare import FIT_GRID, on_grid
 from camtorque.fit.problem import SEPARATOR

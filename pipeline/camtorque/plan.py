@@ -22,8 +22,8 @@ from camtorque.fit.planning import (
     Step,
     TargetQuantity,
     chamber_peak,
+    operating_point,
     plan,
-    point_of,
     weighed,
 )
 from camtorque.fit.uncertainty import COVERAGE
@@ -116,7 +116,7 @@ def plan_runs(fit: Path | str, target: str, tooth: bool = True, speeds_rpm: Sequ
         measuring = measuring_of(reports[item.id])
         for speed in speeds:
             chain = chain_of(rig, speed, curve, item.structure)
-            points.append(point_of(known, chain, item, item.id, measuring))
+            points.append(operating_point(known, chain, item, item.id, measuring))
     teeth = (False, True) if tooth else (False,)
     steps = plan(known, goal.number, goal.wanted, points, DURATIONS, teeth)
     alone = weighed(known, goal.number, [Offer(point, DURATIONS[0], tooth) for tooth in teeth for point in points])

@@ -16,14 +16,10 @@ import numpy as np
 
 from camtorque.design.fitted import FRICTION_NAMES
 from camtorque.finished_fit import Rig, chain_of, curve_of, load_curve, read_fit, refuse_load_of_another_pump, rig_of
-from camtorque.fit.clearance import leakage_factor, refuse_leaky
-from camtorque.fit.draws import Load
-from camtorque.fit.end_shape import Curve
-from camtorque.fit.endings import either, endings_of, if_it_ended_so, own_ending, the_other
-from camtorque.fit.ends import load_for
-from camtorque.fit.firm_end import END_OF
-from camtorque.fit.forecast import Forecast, forecast
-from camtorque.fit.known_fit import FittedAt, KnownFit
+from camtorque.fit.endings import either, endings_of, if_it_ended_so, load_for, own_ending, the_other
+from camtorque.fit.forecast import Forecast, forecast, leakage_factor, refuse_leaky
+from camtorque.fit.known_ends import END_OF, Curve
+from camtorque.fit.known_fit import FittedAt, KnownFit, LoadKnowledge
 from camtorque.fit.load_file import (
     curve_through,
     refuse_below_line,
@@ -180,7 +176,7 @@ def _at_speed(
         curve = templates[source.id] if given is None else given
         chain = chain_of(rig, speed, curve, source.structure)
         shaped = curve if np.isfinite(curve.speed) else replace(curve, speed=speed)
-        load = Load({}, curve.std) if given is None else load_for(known, source, templates, chain, shaped)
+        load = LoadKnowledge({}, curve.std) if given is None else load_for(known, source, templates, chain, shaped)
         return *with_forces(known, source, rig, chain, load, asked.changes), rig, load.ends
 
     runs = [run(source) for source in sources]
@@ -207,7 +203,7 @@ def _at_speed(
 
 
 def with_forces(
-    known: KnownFit, source: FittedAt, rig: Rig, chain: ChainInput, load: Load, changes: Mapping[str, float]
+    known: KnownFit, source: FittedAt, rig: Rig, chain: ChainInput, load: LoadKnowledge, changes: Mapping[str, float]
 ) -> tuple[Forecast, Forces]:
     """Return a run at the speed and line pressure of a chain, with the forces that come with it."""
     item = forecast(known, chain, source, load, changes)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from camtorque.fit.pair import Pair, root_of
+from camtorque.fit.pair import TwoRecordings, root_of
 from camtorque.fit.prepare import on_grid
 from camtorque.fit.problem import FitData
 from camtorque.laws import ROWS
@@ -27,7 +27,7 @@ NOISE, CYCLES = 0.02, 12
 def made_pair(
     changed: dict[str, float], left: Array | None = None, clock: str = "reference", late: float = 0.0,
     tooth: float = 0.0,
-) -> Pair:  # fmt: skip
+) -> TwoRecordings:  # fmt: skip
     """Return two recordings of one pump.
 
     Parameters
@@ -63,7 +63,7 @@ def made_pair(
         cycles.append(made_cycles(noisy, chain.line_pressure, chain.speed, clock))
     mean = np.diag(1.0 / items[0].weight ** 2)
     apart = np.eye(BINS) * 2.0 * NOISE**2 / CYCLES
-    return Pair(tuple(items), tuple(cycles), NAMES, values, root_of(mean), root_of(apart), float(BINS))
+    return TwoRecordings(tuple(items), tuple(cycles), NAMES, values, root_of(mean), root_of(apart), float(BINS))
 
 
 def made_cycles(torque: Array, pressure: Array, speed: float, clock: str) -> CamCycles:

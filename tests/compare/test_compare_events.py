@@ -13,20 +13,20 @@ import pytest
 from camtorque.fit import pair as pair_module
 from camtorque.fit.changes import (
     Attribution,
-    Fitted,
-    Hypothesis,
+    EventSetMinimum,
+    EventSetPosterior,
     attribution,
     basis_of,
-    candidates,
     evidence_with,
     fitted,
     freed,
     marginal,
+    may_differ,
     near_minimum,
     two_ln_odds,
 )
 from camtorque.fit.difference import along, evaluated, minimised, objective, turn_of_tooth, within
-from camtorque.fit.pair import COMMON_TIME_BASE, Pair, _slope, best_pair, shift_covariance
+from camtorque.fit.pair import COMMON_TIME_BASE, TwoRecordings, _slope, best_pair, shift_covariance
 from camtorque.fit.verdicts import common_attributions, parameter_differences
 from camtorque.laws.chain import BINS, ChainInput, ChainOutput, evaluate
 from camtorque.process.second_process import Second, second_process
@@ -39,7 +39,9 @@ RINGING = 1.5 * np.cos(90.0 * angle_grid(BINS)) * np.exp(-angle_grid(BINS))
 
 
 @cache
-def told(leak: float = 0.0, turned: float = 0.0, spring: float = 0.0, zero: float = 0.0) -> tuple[Attribution, Pair]:
+def told(
+    leak: float = 0.0, turned: float = 0.0, spring: float = 0.0, zero: float = 0.0
+) -> tuple[Attribution, TwoRecordings]:
     return attribution(made_pair({
         "leakage": leak, "trigger_offset": turned, "spring_preload_error": spring, "torque_zero": zero,
     }))  # fmt: skip
@@ -195,7 +197,7 @@ def test_integrating_out_is_conditioning_on_nothing() -> None:
 
 def test_pairs_of_a_campaign_share_their_events() -> None:
     def of(scores: dict[tuple[str, ...], float]) -> Attribution:
-        sets = tuple(Hypothesis(g, s, np.zeros(1), np.eye(1)) for g, s in scores.items())
+        sets = tuple(EventSetPosterior(g, s, np.zeros(1), np.eye(1)) for g, s in scores.items())
         state = told()[0].state
         return Attribution(("leakage",), sets, (), np.zeros(1), np.eye(1), np.zeros(1), np.ones(1), (1.0, 1.0), state)
 
@@ -229,14 +231,14 @@ def test_slope_in_time_of_a_signal_over_the_cam_angle() -> None:
 
 def test_what_is_each_recordings_own_is_not_counted_as_an_event_too(monkeypatch: pytest.MonkeyPatch) -> None:
     """How far the trigger may have moved does not hang on whether its own error has taken that already."""
-    monkeypatch.setattr(Pair, "own", {"trigger_offset": 0.05 * DEGREE})
+    monkeypatch.setattr(TwoRecordings, "own", {"trigger_offset": 0.05 * DEGREE})
     pair, groups = made_pair({"trigger_offset": 0.04 * DEGREE}), ["trigger", "leakage", "spring"]
-    values, names = np.array([pair.fixed[name] for name in pair.names]), candidates(pair)
+    values, names = np.array([pair.fixed[name] for name in pair.names]), may_differ(pair)
     before = evaluated(pair, values, basis_of(pair, values, ()), np.zeros(1))
     taken = minimised(pair, before, 20)
     assert taken.moved[0] * 0.05 > 0.03, "the own error has taken most of the difference"
     place = names.index("trigger_offset")
     moved, std = zip(
-        *(freed(pair, Fitted((), at, np.eye(1), 0.0), names, groups) for at in (before, taken)), strict=True
+        *(freed(pair, EventSetMinimum((), at, np.eye(1), 0.0), names, groups) for at in (before, taken)), strict=True
     )
     assert moved[1][place] == pytest.approx(moved[0][place], abs=0.1 * float(std[0][place]))

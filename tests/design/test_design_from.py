@@ -14,7 +14,7 @@ from camtorque.commands.design import fitted_lines
 from camtorque.design import read_task
 from camtorque.design_from import as_fitted, carried_angles, carried_pressure, fitted_pump, read_known, stroke_angles
 from camtorque.fit import forecast
-from camtorque.fit.end_shape import Curve
+from camtorque.fit.known_ends import Curve
 from camtorque.hashes import file_digest
 from camtorque.ingest.pump_file import read_pump
 from camtorque.mechanism.lift_laws import lift_law

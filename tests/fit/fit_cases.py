@@ -13,7 +13,7 @@ from camtorque.fit.problem import FitData, build_problem, with_starts
 from camtorque.fit.single import Prepared
 from camtorque.fit.solver import lift_at, solve
 from camtorque.fit.starts import Start
-from camtorque.fit.valley import NO_VALLEY
+from camtorque.fit.valleys import NO_VALLEY
 from camtorque.mechanism.lift_laws import lift_law
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.solve import solve_rigid

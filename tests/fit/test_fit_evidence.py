@@ -18,12 +18,12 @@ from camtorque.fit.evidence import (
     savage_dickey,
     where_unexplained,
 )
+from camtorque.fit.kinds import chamber_evidence, structure_probabilities
 from camtorque.fit.prepare import mean_cycles
 from camtorque.fit.problem import build_problem
 from camtorque.fit.residual import explains
 from camtorque.fit.single import switching_shift, switching_std
 from camtorque.fit.solver import solve
-from camtorque.fit.structures import chamber_evidence, structure_probabilities
 from camtorque.fit.truncated import Gaussian
 from camtorque.fit.uncertainty import covariance
 from camtorque.records import EITHER_LOSS, AngleError

@@ -29,9 +29,9 @@ from camtorque.fit.joint import (
     searched_anew,
     solve_joint,
 )
-from camtorque.fit.joint_fit import shown_covariance
+from camtorque.fit.joint_fit import residual_covariance
 from camtorque.fit.joint_input import HeldOnce, common_error, joint_input, refuse_two_states, with_common_rows
-from camtorque.fit.joint_solver import joint_task, solve_many, try_at
+from camtorque.fit.joint_solver import joint_setup, solve_many, try_at
 from camtorque.fit.known_fit import KnownFit
 from camtorque.fit.leftout import (
     LARGEST_STEP,
@@ -60,7 +60,7 @@ from camtorque.fit.problem import (
     with_rows,
     with_starts,
 )
-from camtorque.fit.shared_lift import asked_by, asked_by_all, given_to
+from camtorque.fit.shared_lift import all_lift_information, lift_information, shared_lift_from
 from camtorque.fit.starts import ends_at
 from camtorque.laws import ROWS
 from camtorque.laws.chain import BINS, COLUMN_NAMES, binned, evaluate, filtered, transfer
@@ -345,7 +345,7 @@ def test_left_out_values_are_the_minimum_of_the_others_to_first_order(joint, sol
     problem, solution = solved
     found = left_out_values(joint, shares(problem, solution), index)
     rest = build_problem(started_at(problem, solution.z)[:2])
-    task = joint_task(problem, solution.z, 0.0)
+    task = joint_setup(problem, solution.z, 0.0)
     alone = dense_solve(rest, rest.start, 12, (task.lift(0), task.lift(1)))
     names = problem.names
     std = dense_covariance(rest, alone.data_hessian, alone.data_chi_square, alone.lift_share).std
@@ -409,7 +409,7 @@ def test_few_others_are_fitted_again_where_the_linear_step_fails(joint, solved, 
 
     def chi_square(values):
         rest = leftout_room._without(problem, values, index)
-        return try_at(joint_task(rest, rest.start, 0.0), rest.start).chi_square
+        return try_at(joint_setup(rest, rest.start, 0.0), rest.start).chi_square
 
     assert chi_square(z) < chi_square(solution.z) <= chi_square(near)
     own = [k for k, parameter in enumerate(problem.parameters) if parameter.recording == index]
@@ -477,11 +477,11 @@ def test_beside_a_step_of_the_model_a_prediction_is_typical(joint, monkeypatch):
 
 def test_the_lift_correction_of_a_prediction_is_that_which_the_others_ask_for(joint, solved):
     problem, solution = solved
-    others = asked_by_all(problem, solution.z, 1.0) - asked_by(problem, solution.z, 2, 1.0)
+    others = all_lift_information(problem, solution.z, 1.0) - lift_information(problem, solution.z, 2, 1.0)
     rest = leftout_room._without(problem, solution.z, 2)
     np.testing.assert_allclose(
-        given_to(problem, others).values,
-        given_to(rest, asked_by_all(rest, rest.start, 1.0)).values,
+        shared_lift_from(problem, others).values,
+        shared_lift_from(rest, all_lift_information(rest, rest.start, 1.0)).values,
         rtol=1e-6,
         atol=1e-12,
     )
@@ -491,7 +491,7 @@ def test_many_recordings_are_solved_as_few_are(prepared):
     """The steps by sums of small blocks are those of the whole matrix."""
     data = with_common_rows([common_error(item.data, 3) for item in prepared])
     problem = build_problem(data)
-    task = joint_task(problem, problem.start, 0.02)
+    task = joint_setup(problem, problem.start, 0.02)
     whole = dense_solve(problem, problem.start, 4, tuple(map(task.lift, range(3))), 0.02)
     blocks = solve_many(problem, problem.start, 4, 0.02)
     assert (blocks.iterations, blocks.evaluations) == (whole.iterations, whole.evaluations)
@@ -599,7 +599,7 @@ def test_what_a_wrong_lift_table_does_in_all_recordings_is_found_as_one_correcti
         cam = binned(output.load * basis.correction(output.motion.theta, bump, 1))
         moved.append(replace(item, torque=item.torque + filtered(cam, shaft * measured)))
     problems = [replace(problem, data=tuple(data)) for data in (problem.data, moved)]
-    plain, found = (given_to(one, asked_by_all(one, solution.z, 1.0)) for one in problems)
+    plain, found = (shared_lift_from(one, all_lift_information(one, solution.z, 1.0)) for one in problems)
     lift = LiftCorrection(basis.knots, 0.0)
     theta = middle + np.radians(np.linspace(-8.0, 8.0, 60))
     wanted, told = lift.correction(theta, bump, 1), found.slope(theta) - plain.slope(theta)
@@ -614,20 +614,20 @@ def test_a_residual_smaller_than_the_weights_admit_narrows_predictions_and_no_pa
     problem, solution = solved
     cov = joint.covariance
     small = replace(solution, data_chi_square=0.25 * cov.freedom)
-    shown = shown_covariance(small, cov)
+    shown = residual_covariance(small, cov)
     data = dense(replace(solution.hessian, diagonal=np.zeros(problem.size)))
     wanted = np.linalg.inv(data / 0.25 + np.diag(cov.prior_std**-2.0))
     scale = np.sqrt(np.diag(wanted))
     np.testing.assert_allclose(shown.among(range(problem.size)) / np.outer(scale, scale),
                                wanted / np.outer(scale, scale), atol=1e-4)  # fmt: skip
-    assert shown_covariance(replace(solution, data_chi_square=1.1 * cov.freedom), cov) is None
-    rows = replace(KnownFit(problem.names, solution.z, cov.arrow, ()), shown=shown)
+    assert residual_covariance(replace(solution, data_chi_square=1.1 * cov.freedom), cov) is None
+    rows = replace(KnownFit(problem.names, solution.z, cov.arrow, ()), residual_covariance=shown)
     assert rows.predictive is cov.arrow, "no left-out recordings tell what the laws get wrong"
 
 
 def test_lift_correction_and_shown_covariance_are_read_back_from_the_file(campaign):
     entries = [CampaignEntry(name, name, "ok", "", {"speed_rpm": 900.0}, folder=name) for name in campaign.names]
-    told = replace(campaign, shown=campaign.covariance)
+    told = replace(campaign, residual_covariance=campaign.covariance)
     doc = json.loads(json.dumps(campaign_fit_document(CampaignResult(tuple(entries), told, (), {}, ""))))
     everything = range(len(doc["names"]))
     scale = np.outer(campaign.covariance.std, campaign.covariance.std)

@@ -8,10 +8,19 @@ import pytest
 from camtorque.fit import single
 from camtorque.fit.descent import LOOKED_BACK, Effort
 from camtorque.fit.minima import at_minimum, beside
-from camtorque.fit.other_way import CAM_SIDES, GAINED, OCTAVES, SHAFTS, WAYS, driveline_turned, turned, ways
 from camtorque.fit.problem import with_rows, with_starts
-from camtorque.fit.single import AT_REST, ended, sought_again
-from camtorque.fit.valley import NO_VALLEY
+from camtorque.fit.single import AT_REST, reconverged, with_oil_at_rest
+from camtorque.fit.valleys import (
+    CAM_SIDES,
+    GAINED,
+    NO_VALLEY,
+    OCTAVES,
+    SHAFTS,
+    WAYS,
+    driveline_turned,
+    starts_turned_round,
+    turned_round,
+)
 from camtorque.laws import ROWS
 from camtorque.laws.driveline import cam_side_inertia
 from fit_cases import quick, quick_halves
@@ -44,18 +53,18 @@ def test_ways_are_values_that_a_parameter_may_have():
 
 
 def test_one_thing_is_turned_at_a_time_where_a_minimum_leaves_doubt(best):
-    items = turned(replace(best, unseen=100.0))
+    items = starts_turned_round(replace(best, holdout_penalty=100.0))
     changed = [{name for name, row in item.rows.items() if row.start != best.data.rows[name].start} for item in items]
     shafts, swings = len(CAM_SIDES) * [{"shaft_compliance", "shaft_resonance"}], len(OCTAVES) * [{"coupling_resonance"}]
     assert changed == [*({name} for name in WAYS if best.problem.index(name) >= 0), *shafts, *swings]
-    assert turned(replace(best, unseen=best.unseen - best.doubt)) == []
+    assert starts_turned_round(replace(best, holdout_penalty=best.holdout_penalty - best.left_to_explain)) == []
 
 
 def test_what_is_the_wrong_way_round_is_turned(best, halves):
     wrong = halves.judged(at_minimum(released(best.data)))
     assert wrong.value > best.value + 100.0  # no small step leads back
-    found = ways(wrong, halves)[0]
-    # with outlet and shaft turned (the outlet alone ends at 300); a round that gains less than `SHARE` is the last one
+    found = turned_round([wrong], halves)[0]
+    # with outlet and shaft turned (the outlet alone ends at 300); a round below `GAINED_SHARE` is the last
     assert found.value < 1.3 * best.value
     assert found.solution.lift is not wrong.solution.lift  # of its own contact force
 
@@ -71,15 +80,15 @@ def test_a_turned_start_is_followed_while_it_may_be_worth_something(best):
 
 
 def test_what_gains_nothing_leaves_the_minimum_as_it_is(best, halves):
-    settled = ways(best, halves)[0]
+    settled = turned_round([best], halves)[0]
     assert settled.value <= best.value
-    again = ways(settled, halves)
+    again = turned_round([settled], halves)
     assert again[0].value > settled.value - GAINED
     values = [item.value for item in again]
     assert values == sorted(values)
     # starts that come back are no minima of their own
-    assert 1 < len(values) < 1 + len(turned(settled))
-    assert ended(again[0], halves).solution.converged  # a bent valley is left early; the fit goes on from there
+    assert 1 < len(values) < 1 + len(starts_turned_round(settled))
+    assert reconverged(again[0], halves).solution.converged  # a bent valley is left early; the fit goes on from there
     assert not any(settled.basin.holds(item.solution) for item in again[1:])
 
 
@@ -103,22 +112,22 @@ def test_what_dissatisfies_is_sought_again_with_the_oil_up_to_the_sensor_at_rest
         asked.append(seen.fitted.rows["line_inertance"].upper)
         return [best], NO_VALLEY
 
-    monkeypatch.setattr(single, "swept", lambda item, _halves: (item, NO_VALLEY))
-    monkeypatch.setattr(single, "sought", other_search)
-    found, _ = sought_again([wrong], NO_VALLEY, halves)
+    monkeypatch.setattr(single, "profile_trigger_angle", lambda item, _halves: (item, NO_VALLEY))
+    monkeypatch.setattr(single, "search_minima", other_search)
+    found, _ = with_oil_at_rest([wrong], NO_VALLEY, halves)
     assert asked == [AT_REST]
     assert found[0].value <= best.value + 0.1
     assert found[0].data.rows["line_inertance"].upper == ROWS["line_inertance"].upper
     assert found[1:] == [wrong]
     # what is no better changes nothing
-    monkeypatch.setattr(single, "sought", lambda _halves: ([wrong], NO_VALLEY))
-    assert sought_again([best], NO_VALLEY, halves) == ([best], NO_VALLEY)
+    monkeypatch.setattr(single, "search_minima", lambda _halves: ([wrong], NO_VALLEY))
+    assert with_oil_at_rest([best], NO_VALLEY, halves) == ([best], NO_VALLEY)
 
 
 def test_a_descent_that_was_left_early_is_ended(best, halves):
     left = halves.judged(at_minimum(with_starts(best.data, {"valve_opening": 4.0e6}), Effort(2)))
     assert not left.solution.converged
-    further = ended(left, halves)
+    further = reconverged(left, halves)
     assert further.solution.converged
     assert further.solution.chi_square < left.solution.chi_square
-    assert ended(further, halves) is further
+    assert reconverged(further, halves) is further

@@ -15,7 +15,7 @@ from camtorque.fit.planning import (
     SETUP_MINUTES,
     TOOTH_MINUTES,
     Offer,
-    Point,
+    OperatingPoint,
     TargetQuantity,
     information,
     needed,
@@ -32,10 +32,10 @@ KNOWN = KnownFit(("leakage", "bearing_arm"), np.array([1.0, 1.0]), ArrowCovarian
 LEAKAGE = TargetQuantity(np.array([1.0, 0.0]))
 
 
-def point(speed: float, leak: float, tooth: float = 0.0, scatter: float = 0.2) -> Point:
+def point(speed: float, leak: float, tooth: float = 0.0, scatter: float = 0.2) -> OperatingPoint:
     """Return a point whose torque of 40 N m tells of leakage only."""
     shared = np.column_stack([leak * np.sin(ANGLE), np.zeros(BINS)])
-    return Point(speed, "a", 40.0 * np.sin(ANGLE), shared, np.ones((BINS, 1)), np.array([tooth, 0.0]), scatter)
+    return OperatingPoint(speed, "a", 40.0 * np.sin(ANGLE), shared, np.ones((BINS, 1)), np.array([tooth, 0.0]), scatter)
 
 
 def test_cycles_help_until_the_error_of_the_laws_is_what_counts() -> None:
@@ -45,7 +45,7 @@ def test_cycles_help_until_the_error_of_the_laws_is_what_counts() -> None:
 
 
 def test_what_the_runs_own_zero_explains_tells_nothing() -> None:
-    flat = Point(100.0, "a", 40.0 * np.sin(ANGLE), np.column_stack([np.ones(BINS), np.zeros(BINS)]),
+    flat = OperatingPoint(100.0, "a", 40.0 * np.sin(ANGLE), np.column_stack([np.ones(BINS), np.zeros(BINS)]),
                  1e3 * np.ones((BINS, 1)), np.zeros(2), 0.2)  # fmt: skip
     assert information(Offer(flat, 60.0, False), 2)[0, 0] < 1e-5
 

@@ -23,12 +23,12 @@ def test_starts_that_all_overflow_are_refused(monkeypatch):
         monkeypatch.setattr(room, "followed", overflowing)
     halves = minima.Halves(data, data)
     seen = search.SearchData(halves, np.zeros(data.chain.theta.size))
-    found = search.extended(search.Found({"land": []}), {"land": [start]}, seen)
+    found = search.extended(search.SearchState({"land": []}), {"land": [start]}, seen)
     assert found.minima == ()
     assert found.best is None
     assert not list(search.hops(found, seen, search.HOPS))
     with pytest.raises(Refusal, match="no start from which the model of this pump can be fitted"):
-        single.compared(found, halves)
+        single.every_structure(found, halves)
 
 
 def test_an_attempt_that_overflows_is_none():

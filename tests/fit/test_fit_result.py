@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from camtorque.fit import minima
 from camtorque.fit import result as result_room
-from camtorque.fit.derived import derived_estimates
+from camtorque.fit.derived import carried, derived_estimates, sureness, work_at
 from camtorque.fit.descent import free_at
 from camtorque.fit.findings import (
     fit_findings,
@@ -19,26 +19,24 @@ from camtorque.fit.findings import (
     mounting_findings,
     prior_findings,
 )
-from camtorque.fit.metrics import parts_of_gap
+from camtorque.fit.kinds import structure_spread
 from camtorque.fit.minima import LIGHT, Halves
 from camtorque.fit.modelled import model_on_grid, modelled
-from camtorque.fit.next_run import TOOTH, proposals
 from camtorque.fit.pair import pair_of
+from camtorque.fit.planning import TOOTH, proposals
 from camtorque.fit.prepare import INDEPENDENT, bin_weights, mean_cycles, on_grid
-from camtorque.fit.residual import BUMP_WINDOW_DEG, phase_at, residual_bumps, ringing
+from camtorque.fit.residual import BUMP_WINDOW_DEG, parts_of_gap, phase_at, residual_bumps, ringing
 from camtorque.fit.result import (
     alternatives,
     fitted_torque,
     parameter_estimates,
     return_start,
 )
-from camtorque.fit.search import Found
-from camtorque.fit.single import FitOptions, compared, fit_prepared, pressure_gain_std
+from camtorque.fit.search import SearchState
+from camtorque.fit.single import FitOptions, every_structure, fit_prepared, pressure_gain_std
 from camtorque.fit.solver import no_lift
 from camtorque.fit.starts import Start, coarse
-from camtorque.fit.structures import structure_spread
 from camtorque.fit.uncertainty import confidence, covariance, knowledge, uncertainty_budget
-from camtorque.fit.work import carried, sureness, work_at
 from camtorque.laws.chain import binned
 from camtorque.laws.driveline import cam_side_inertia
 from camtorque.mechanism.sections import dwell, flank, section_law
@@ -432,11 +430,11 @@ def test_a_minimum_is_worth_what_it_is_on_the_other_half_of_the_cycles():
     means = mean_cycles(cycles)
     # the same cycles once more: nothing unseen; the other ones as noisy: little; another pressure: much
     same = Halves(data, data).judged(found)
-    assert same.unseen == pytest.approx(0.0, abs=1e-6 * found.value)
+    assert same.holdout_penalty == pytest.approx(0.0, abs=1e-6 * found.value)
     other = replace(data, chain=replace(data.chain, line_pressure=1.02 * data.chain.line_pressure))
     assert Halves(data, other).judged(found).value > found.value + 10.0
     held = replace(data, torque=binned(on_grid(means.held_torque, 1800)))
-    assert abs(Halves(data, held).judged(found).unseen) < 0.5 * INDEPENDENT
+    assert abs(Halves(data, held).judged(found).holdout_penalty) < 0.5 * INDEPENDENT
 
 
 def test_a_minimum_whose_cam_is_lighter_than_the_sheets_counts_the_less():
@@ -449,7 +447,7 @@ def test_a_minimum_whose_cam_is_lighter_than_the_sheets_counts_the_less():
         return replace(found, data=replace(found.data, chain=replace(found.data.chain, pump=pump)))
 
     lighter, as_heavy = with_cam(0.9 * inertia), with_cam(inertia * np.exp(3.0 * LIGHT))
-    assert lighter.value == found.solution.chi_square + found.unseen
+    assert lighter.value == found.solution.chi_square + found.holdout_penalty
     assert as_heavy.value - lighter.value == pytest.approx(9.0)
     rigid = replace(
         found.solution, z=np.where(np.array(found.problem.names) == "shaft_compliance", 0.0, found.solution.z)
@@ -489,10 +487,10 @@ def test_minima_are_compared_once_each_and_every_structure_has_one():
     moved = found.solution.z + np.where(
         np.arange(found.problem.size) == 0, 2.0 * covariance(found.problem, found.solution).std, 0.0
     )
-    apart = replace(found, solution=replace(found.solution, z=moved), unseen=5.0)
-    same = replace(found, unseen=1.0)
-    known = Found({"land": [start], "spill": [spill]}, ((start, found), (start, same), (start, apart)))
-    ends = compared(known, Halves(data, data))
+    apart = replace(found, solution=replace(found.solution, z=moved), holdout_penalty=5.0)
+    same = replace(found, holdout_penalty=1.0)
+    known = SearchState({"land": [start], "spill": [spill]}, ((start, found), (start, same), (start, apart)))
+    ends = every_structure(known, Halves(data, data))
     assert ends[:2] == [found, apart]
     assert [item.data.structure for item in ends] == ["land", "land", "spill"]
     assert known.best == (start, found)
@@ -521,8 +519,8 @@ def test_what_the_lift_table_explains_is_no_doubt():
     # the whitened square is what is left beside the correction, and what the correction costs
     left = residual - modes.vectors @ (modes.strength * asked)
     assert left @ left + asked @ asked == pytest.approx(modes.product(residual, residual), rel=1e-9)
-    assert found.value - found.doubt == pytest.approx(min(asked @ asked, np.sum(modes.shrink)))
-    assert found.value > found.doubt
+    assert found.value - found.left_to_explain == pytest.approx(min(asked @ asked, np.sum(modes.shrink)))
+    assert found.value > found.left_to_explain
     # beyond what the table states the rest stays a doubt
     assert modes.expected_part(100.0 * residual) == pytest.approx(np.sum(modes.shrink))
 

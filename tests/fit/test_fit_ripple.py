@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 from camtorque.align import align
 from camtorque.fit.minima import at_minimum
-from camtorque.fit.prepare import fit_data, mean_cycles
+from camtorque.fit.prepare import base_circle, fit_data, mean_cycles, repeated_order
 from camtorque.fit.problem import with_starts
 from camtorque.fit.result import fitted_torque
-from camtorque.fit.ripple_order import base_circle, repeated_order
 from camtorque.fit.single import FitOptions, Prepared, fit_prepared
-from camtorque.fit.valley import NO_VALLEY
+from camtorque.fit.valleys import NO_VALLEY
 from camtorque.ingest import read_recording
 from camtorque.laws.ripple import binned_waves, waves
 from camtorque.mechanism.spectral import spectral_law

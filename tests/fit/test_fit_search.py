@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from camtorque.fit import search, swings
+from camtorque.fit import search, starts
 from camtorque.fit.problem import build_problem, with_starts
 from camtorque.fit.starts import Start, continued, on_search_grid
 from camtorque.laws.chain import evaluate
@@ -21,7 +21,7 @@ def found():
     minimum = quick(LAND)
     start = Start(quick_data(LAND), minimum.solution.lift, minimum.value)
     other = replace(start, data=replace(start.data, structure="spill"), chi_square=2.0 * minimum.value)
-    return search.Found({"land": [start], "spill": [other]}, ((start, minimum),))
+    return search.SearchState({"land": [start], "spill": [other]}, ((start, minimum),))
 
 
 def test_hops_draw_one_part_anew_and_leave_the_others(found):
@@ -37,7 +37,7 @@ def test_hops_draw_one_part_anew_and_leave_the_others(found):
 def test_a_structure_that_lost_all_its_starts_is_tried_again(found):
     ((start, minimum),) = found.minima
     far = replace(start, chi_square=1e9 * start.chi_square)
-    lost = search.Found({"land": [start], "spill": [], "open": [far], "line": [start]}, ((start, minimum),))
+    lost = search.SearchState({"land": [start], "spill": [], "open": [far], "line": [start]}, ((start, minimum),))
     assert lost.value <= search.UNEXPLAINED
     assert search.likely(lost) == ["land", "spill"]
     assert {item.structure for item in search.scanned_again(lost, start.data)["spill"]} == {"spill"}
@@ -50,13 +50,13 @@ def test_hops_begin_in_another_structure_now_and_then_where_nothing_satisfies(fo
 
 
 @pytest.mark.parametrize(
-    ("scan", "place"), [(swings.with_ringing, "shaft_resonance"), (swings.with_couplings, "coupling_resonance")]
+    ("scan", "place"), [(starts.with_ringing, "shaft_resonance"), (starts.with_couplings, "coupling_resonance")]
 )
 def test_a_scan_of_the_driveline_keeps_frequencies_that_are_apart(found, scan, place):
     start = continued(quick_data(LAND), 0.0, core=False, iterations=2)
     tried = np.sort([item.rows[place].start for item in scan(start)])
-    assert tried.size == swings.SCANNED_KEPT
-    assert np.min(tried[1:] / tried[:-1]) > swings.APART
+    assert tried.size == starts.SCANNED_KEPT
+    assert np.min(tried[1:] / tried[:-1]) > starts.APART
 
 
 def test_a_scan_finds_the_coupling_that_a_start_has_lost(found):
@@ -67,7 +67,7 @@ def test_a_scan_finds_the_coupling_that_a_start_has_lost(found):
     problem = build_problem([there.data])
     torque = evaluate(there.data.chain, problem.values(problem.start, 0)[0]).torque
     lost = with_starts(replace(there.data, torque=torque), {"coupling_compliance": 0.0})
-    best = swings.with_couplings(Start(lost, there.lift, 0.0))[0]
+    best = starts.with_couplings(Start(lost, there.lift, 0.0))[0]
     assert best.rows["coupling_resonance"].start == pytest.approx(soft["coupling_resonance"], rel=0.2)
 
 
@@ -93,23 +93,23 @@ def test_shafts_that_ring_alike_pass_the_torque_alike_and_turn_no_lighter_cam():
         both = compliances(omega, np.array([values[name] for name in COMPLIANCE_NAMES]), False)
         return shaft_transfer(omega, values, both)[0]
 
-    shafts = swings.ringing_alike(item)
+    shafts = starts.ringing_alike(item)
     assert len(shafts) >= 3
     for shaft in shafts:
         assert cam_side_inertia(held | shaft) >= 1.15e-3 * (1.0 - 1e-12)
         alike = passed(held | shaft | {"shaft_damping_ratio": 0.0})
         np.testing.assert_allclose(1.0 / alike, 1.0 / passed(held), rtol=1e-9, atol=1e-9)
     # a cam that weighs more than all that rings leaves none
-    assert swings.ringing_alike(on_a_heavy_cam(item, 1.0)) == []
+    assert starts.ringing_alike(on_a_heavy_cam(item, 1.0)) == []
 
 
 def test_a_start_whose_cam_is_too_light_finds_the_shaft_that_rings_alike(found):
-    shaft = swings.ringing_alike(on_a_heavy_cam(with_starts(quick_data(LAND), MIRRORED), 1.3e-3))[0]
+    shaft = starts.ringing_alike(on_a_heavy_cam(with_starts(quick_data(LAND), MIRRORED), 1.3e-3))[0]
     data = on_a_heavy_cam(with_starts(quick_data(LAND), shaft), 1.3e-3)
     there = continued(on_search_grid(data), 0.0, core=False, iterations=0)
     problem = build_problem([there.data])
     torque = evaluate(there.data.chain, problem.values(problem.start, 0)[0]).torque
     lost = with_starts(replace(there.data, torque=torque), MIRRORED)
-    best = swings.with_heavier_cams(Start(lost, there.lift, 0.0))[0]
+    best = starts.with_heavier_cams(Start(lost, there.lift, 0.0))[0]
     for name in ("shaft_compliance", "half_place"):
         assert best.rows[name].start == pytest.approx(shaft[name], rel=0.3), name

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from camtorque.fit.starts import candidates
+from camtorque.fit.starts import first_starts
 from fit_cases import quick_data
 
 DATA = ("closed_volume", 3)
@@ -18,7 +18,7 @@ FACTOR = 2.0
 def test_a_start_is_near_every_usual_dead_volume(structure):
     data = quick_data(DATA)
     swept = data.chain.pump.plunger_area * data.chain.top_lift
-    tried = np.unique([item.rows["dead_volume"].start / swept for item in candidates(data, structure)])
+    tried = np.unique([item.rows["dead_volume"].start / swept for item in first_starts(data, structure)])
     factor = np.exp(np.abs(np.log(USUAL_VOLUMES[:, None] / tried)))
     assert np.all(np.min(factor, axis=1) <= FACTOR)
 
@@ -26,7 +26,7 @@ def test_a_start_is_near_every_usual_dead_volume(structure):
 @pytest.mark.parametrize("structure", ["land", "spill"])
 def test_a_start_is_near_every_end_of_delivery(structure):
     data = quick_data(DATA)
-    starts = [item.rows for item in candidates(data, structure)]
+    starts = [item.rows for item in first_starts(data, structure)]
     if structure == "land":
         tried = data.chain.law.evaluate(np.array([rows["end_of_delivery"].start for rows in starts]), 0)
     else:
@@ -36,5 +36,5 @@ def test_a_start_is_near_every_end_of_delivery(structure):
 
 
 def test_a_recording_without_a_chamber_has_one_start():
-    (item,) = candidates(quick_data(DATA), "line")
+    (item,) = first_starts(quick_data(DATA), "line")
     assert not item.chain.uses_chamber

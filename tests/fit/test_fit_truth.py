@@ -12,16 +12,16 @@ from camtorque.fit.prepare import INDEPENDENT, fit_data, mean_cycles
 from camtorque.fit.problem import build_problem, with_rows, with_starts
 from camtorque.fit.residual import is_explained
 from camtorque.fit.result import fitted_torque
-from camtorque.fit.search import Found, load_anew
+from camtorque.fit.search import SearchState, load_anew
 from camtorque.fit.single import FitOptions, fit_prepared
 from camtorque.fit.solver import lift_at, no_lift, try_at
 from camtorque.fit.starts import (
     SMOOTHINGS_DEG,
     Start,
-    candidates,
     coarse,
     continued,
     descend,
+    first_starts,
     reweighted,
     rising_angles,
 )
@@ -257,7 +257,7 @@ def test_what_counts_as_explained():
 def test_search_finds_the_structure_and_the_truth_from_nothing():
     data = replace(quick_data(SPILL), structure="land", rows=unknown_rows(SPILL))
     rough = coarse(data)
-    tried = {"spill": candidates(rough, "spill")[1::2], "land": candidates(rough, "land")[1::3]}
+    tried = {"spill": first_starts(rough, "spill")[1::2], "land": first_starts(rough, "land")[1::3]}
     found = descend(tried, SMOOTHINGS_DEG, True)
     best = min((group[0] for group in found.values() if group), key=lambda start: start.chi_square)
     assert best.data.structure == "spill"
@@ -286,7 +286,7 @@ def test_weights_of_the_search_are_as_large_as_the_residual():
 def test_the_load_is_begun_anew_on_the_shaft_that_was_found():
     data = with_starts(quick_data(LAND), {"coupling_resonance": 365.0, "dead_volume": 2.0e-6})
     start = Start(coarse(data), no_lift(), 1.0)
-    found = Found({"land": [start], "spill": [], "line": []}, ((start, replace(quick(LAND), data=data)),))
+    found = SearchState({"land": [start], "spill": [], "line": []}, ((start, replace(quick(LAND), data=data)),))
     begun = load_anew(found, coarse(quick_data(LAND)))
     assert set(begun) == {"land", "spill"}
     assert {item.rows["coupling_resonance"].start for group in begun.values() for item in group} == {365.0}

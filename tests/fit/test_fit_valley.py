@@ -17,7 +17,16 @@ from camtorque.fit.uncertainty import (
     unresolved_amplitude,
     without_spikes,
 )
-from camtorque.fit.valley import ANGLE, COMPLIANCE, HELD, NO_VALLEY, WALKED, Valley, softer_shaft, swept
+from camtorque.fit.valleys import (
+    COMPLIANCE,
+    HELD,
+    NO_VALLEY,
+    TRIGGER_ANGLE,
+    WALKED,
+    Valley,
+    profile_trigger_angle,
+    softer_shaft,
+)
 from camtorque.laws.valve import SEAT_FLOW
 from fit_cases import quick, quick_halves, rig
 from scipy.special import expit
@@ -31,12 +40,12 @@ def halves():
 
 
 def curvature(item):
-    return covariance(item.problem, item.solution).std[item.problem.index(ANGLE)]
+    return covariance(item.problem, item.solution).std[item.problem.index(TRIGGER_ANGLE)]
 
 
 @pytest.fixture(scope="module")
 def walked(halves):
-    return swept(halves.judged(quick(LAND)), halves)
+    return profile_trigger_angle(halves.judged(quick(LAND)), halves)
 
 
 def test_a_parabola_has_its_own_width():
@@ -67,14 +76,14 @@ def test_the_walk_holds_the_rigs_angle_and_rises_on_both_sides(walked, halves):
 
 
 def test_a_minimum_that_was_held_aside_finds_the_deeper_place(walked, halves):
-    aside = walked[0].solution.z[walked[0].problem.index(ANGLE)] + 3.0 * curvature(walked[0])
-    rows = {ANGLE: {"start": aside, "prior": (aside, HELD)}}
+    aside = walked[0].solution.z[walked[0].problem.index(TRIGGER_ANGLE)] + 3.0 * curvature(walked[0])
+    rows = {TRIGGER_ANGLE: {"start": aside, "prior": (aside, HELD)}}
     stuck = at_minimum(with_rows(walked[0].data, rows))
-    prior = {ANGLE: {"prior": halves.fitted.rows[ANGLE].prior}}
+    prior = {TRIGGER_ANGLE: {"prior": halves.fitted.rows[TRIGGER_ANGLE].prior}}
     # what a search that stops too early hands on: everything but the angle at its best
     stuck = halves.judged(replace(stuck, data=with_rows(stuck.data, prior)))
     assert stuck.value > walked[0].value + 2.0
-    freed, _ = swept(stuck, halves)
+    freed, _ = profile_trigger_angle(stuck, halves)
     assert freed.value < walked[0].value + 1.0
 
 
@@ -100,7 +109,7 @@ def test_a_shaft_that_yields_is_not_walked(walked, halves):
 def test_a_wider_valley_moves_the_others_along_it():
     found = quick(LAND)
     cov = covariance(found.problem, found.solution)
-    k = found.problem.index(ANGLE)
+    k = found.problem.index(TRIGGER_ANGLE)
     along = along_valley(cov.matrix, k, 1.7 * cov.std[k])
     assert cov.std[k] ** 2 + along[k] ** 2 == pytest.approx((1.7 * cov.std[k]) ** 2)
     np.testing.assert_allclose(along / along[k], cov.matrix[:, k] / cov.matrix[k, k])
@@ -114,7 +123,7 @@ def test_the_pressure_follows_its_parameters():
     jacobian, places = pressure_jacobian(found.problem, tangents)
     assert jacobian.shape == (tangents.shape[0], len(places))
     names = [found.problem.names[k] for k in places]
-    assert {"bulk_modulus", "valve_mass", ANGLE, "shaft_compliance"} <= set(names)
+    assert {"bulk_modulus", "valve_mass", TRIGGER_ANGLE, "shaft_compliance"} <= set(names)
     assert "bearing_arm" not in names
 
 

@@ -8,7 +8,7 @@ import camtorque
 from camtorque.config.keys import KEY_UNITS, Key, TableSchema
 from camtorque.config.quantities import CHANNEL_QUANTITIES
 from camtorque.config.schemas import CERTIFICATE_COLUMNS, PUMP_FILE_TABLES, RECORDING_TABLES, SHEET
-from camtorque.fit.next_run import TOOTH
+from camtorque.fit.planning import TOOTH
 from camtorque.ingest.formats import FORMATS
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "recording_toml.md"

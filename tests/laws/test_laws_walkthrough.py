@@ -45,7 +45,7 @@ EDITS = [
 USE = """
 import numpy as np
 from camtorque.fit.evidence import LOSSES
-from camtorque.fit.verdicts import LOSSES as DIFFERENCES
+from camtorque.fit.verdicts import BALANCE_LOSSES as DIFFERENCES
 from camtorque.laws import LAW_OF, LINEAR_NAMES, ROWS
 from camtorque.laws.causes import CAUSES, LOSS_GROUPS
 from camtorque.laws.chain import COLUMN_NAMES, evaluate

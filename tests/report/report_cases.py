@@ -6,8 +6,8 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-from camtorque.fit.end_shape import Curve
-from camtorque.fit.metrics import metrics
+from camtorque.fit.known_ends import Curve
+from camtorque.fit.residual import metrics
 from camtorque.records import (
     Alternative,
     AngleError,

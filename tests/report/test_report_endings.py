@@ -13,11 +13,9 @@ from camtorque.commands.arguments import ENDINGS as WORDS
 from camtorque.commands.texts import fit_name
 from camtorque.finished_fit import FinishedFit
 from camtorque.fit.arrow import ArrowCovariance
-from camtorque.fit.draws import Load, draws
-from camtorque.fit.endings import EITHER, ENDINGS, either, endings_of, if_it_ended_so, own_ending
-from camtorque.fit.ends import UNKNOWN_STD, load_for
+from camtorque.fit.endings import EITHER, ENDINGS, UNKNOWN_STD, either, endings_of, if_it_ended_so, load_for, own_ending
 from camtorque.fit.forecast import Forecast
-from camtorque.fit.known_fit import FittedAt, KnownFit
+from camtorque.fit.known_fit import FittedAt, KnownFit, LoadKnowledge, draws
 from camtorque.jsonable import jsonable
 from camtorque.laws import ROWS
 from camtorque.records import Estimate, Forces, Refusal
@@ -155,7 +153,7 @@ def test_where_no_end_was_fitted_nothing_is_said_of_it(structure: str) -> None:
 
 
 def test_parameters_of_an_ending_that_was_not_fitted_are_drawn() -> None:
-    load = Load({"spill_width": Estimate(5e-3, 1e-3)})
+    load = LoadKnowledge({"spill_width": Estimate(5e-3, 1e-3)})
     mean = {"end_of_delivery": 0.8, "torque_zero": 0.0, "pressure_zero": 0.0, "spill_width": 5e-3}
     fit = replace(known({"a": "land"}), names=("end_of_delivery__a", "pressure_zero"),
                   values=np.zeros(2), covariance=ArrowCovariance.whole(np.eye(2)))  # fmt: skip

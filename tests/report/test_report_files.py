@@ -12,7 +12,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from camtorque.fit.metrics import metrics, parts_of_gap
+from camtorque.fit.residual import metrics, parts_of_gap
 from camtorque.fit.uncertainty import BudgetRow
 from camtorque.records import Refusal
 from camtorque.report import page

@@ -17,15 +17,13 @@ from camtorque.cli import build_parser
 from camtorque.commands.predict import execute
 from camtorque.config.pump import PressureCurve
 from camtorque.finished_fit import FinishedFit, load_curve, read_fit, refuse_load_of_another_pump, rig_of
-from camtorque.fit import ends as ends_module
+from camtorque.fit import endings as endings_module
 from camtorque.fit import forecast as forecast_module
 from camtorque.fit.arrow import ArrowCovariance
-from camtorque.fit.clearance import leakage_factor
-from camtorque.fit.draws import FRACTIONS, Load, draws
-from camtorque.fit.end_shape import Curve, KnownEnd, Match, matched_end
-from camtorque.fit.ends import LEAST_STD, UNKNOWN_STD, found_end, learned_from, load_for, width_of
-from camtorque.fit.forecast import DRAWS, shape_of
-from camtorque.fit.known_fit import FittedAt, KnownFit, law_share, law_std
+from camtorque.fit.endings import LEAST_STD, UNKNOWN_STD, found_end, learned_from, load_for, width_of
+from camtorque.fit.forecast import DRAWS, leakage_factor, shape_of
+from camtorque.fit.known_ends import Curve, KnownEnd, MatchedEnd, matched_end
+from camtorque.fit.known_fit import FRACTIONS, FittedAt, KnownFit, LoadKnowledge, draws, law_share, law_std
 from camtorque.fit.load_file import curve_through, refuse_below_line, refuse_other_load, rise_angle, rise_range
 from camtorque.fit.shared_lift import SharedLift
 from camtorque.hashes import file_digest
@@ -159,7 +157,7 @@ def test_how_sharply_another_delivery_ends_is_what_it_was_before_and_as_unsure_a
 def test_a_mean_of_fitted_values_is_drawn_with_what_the_fit_leaves_open_of_the_mean() -> None:
     fit = KnownFit(("pressure_zero", "end_width__r0", "end_width__r1"), np.array([0.0, 0.02, 0.04]),
                    ArrowCovariance.whole(np.diag([1e6, 1e-6, 1e-6])), ())  # fmt: skip
-    load = Load({"end_width": Estimate(0.03, 0.0)}, means={"end_width": {1: 0.5, 2: 0.5}})
+    load = LoadKnowledge({"end_width": Estimate(0.03, 0.0)}, means={"end_width": {1: 0.5, 2: 0.5}})
     mean = {"torque_zero": 0.0, "pressure_zero": 0.0, "end_width": 0.03}
     drawn = [item["end_width"] for item in draws(fit, {"pressure_zero": 0, "end_width": 1}, mean, load, 0.1, 60)]
     assert np.std(drawn) / 0.1 == pytest.approx(1e-3 / np.sqrt(2.0), rel=0.2)
@@ -172,7 +170,7 @@ def test_a_value_that_its_own_rig_let_beyond_the_usual_bounds_is_drawn_about(nam
     std = 0.02 * abs(value)
     fit = KnownFit((name,), np.array([value]), ArrowCovariance.whole(np.array([[std**2]])), ())
     for fraction in FRACTIONS:
-        found = draws(fit, {name: 0}, {name: value, "torque_zero": 0.0}, Load({}), fraction, 400)
+        found = draws(fit, {name: 0}, {name: value, "torque_zero": 0.0}, LoadKnowledge({}), fraction, 400)
         drawn = np.array([item[name] for item in found])
         assert np.mean(drawn) == pytest.approx(value, abs=0.3 * fraction * std)
         assert np.std(drawn) == pytest.approx(fraction * std, rel=0.1)
@@ -198,7 +196,7 @@ def test_a_step_of_the_model_is_not_scaled_up(
     monkeypatch.setattr(forecast_module, "settled", lambda chain, values: chain)
     monkeypatch.setattr(forecast_module, "_parts", parts)
     chain = SimpleNamespace(speed=50.0, theta=np.zeros(4))
-    found = forecast_module.forecast(fit, chain, source, Load({}), {})  # type: ignore[arg-type]
+    found = forecast_module.forecast(fit, chain, source, LoadKnowledge({}), {})  # type: ignore[arg-type]
     assert found.torque_std == pytest.approx(np.full(4, wanted), rel=0.25)
     assert np.max(found.shape_std) < 1e-9, "all of it is one constant"
     assert found.steps == steps
@@ -227,7 +225,7 @@ def test_the_lift_correction_moves_the_torque_by_slope_times_contact_force(monke
 
     def run(lift: SharedLift | None) -> forecast_module.Forecast:
         fit = replace(known([1e-9] * 3), values=np.array([1e-15, 2.0]), lift=lift)
-        return forecast_module.forecast(fit, chain, fit.recordings[1], Load({}), {})  # type: ignore[arg-type]
+        return forecast_module.forecast(fit, chain, fit.recordings[1], LoadKnowledge({}), {})  # type: ignore[arg-type]
 
     plain, moved = run(None), run(lift)
     bump = np.trapezoid((moved.torque - plain.torque)[theta < 0.6], theta[theta < 0.6]) / 1e3
@@ -309,11 +307,11 @@ def test_an_end_of_delivery_where_none_was_before_is_found(place: float) -> None
 def test_what_a_coarse_file_blurs_is_learnt_at_the_same_time_between_points(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[Curve] = []
 
-    def matched(others: list[KnownEnd], curve: Curve, rising: np.ndarray) -> Match:
+    def matched(others: list[KnownEnd], curve: Curve, rising: np.ndarray) -> MatchedEnd:
         seen.append(curve)
-        return Match(0.8, 1e-4)
+        return MatchedEnd(0.8, 1e-4)
 
-    monkeypatch.setattr(ends_module, "matched_end", matched)
+    monkeypatch.setattr(endings_module, "matched_end", matched)
     found = learned([0.8, 0.8, 0.8], step=np.radians(3.0), at=40.0)
     assert {round(curve.step / curve.speed, 9) for curve in seen} == {round(np.radians(3.0) / 40.0, 9)}
     assert found.stderr == pytest.approx(0.01, rel=0.05), "what the points of this file leave open is the least"

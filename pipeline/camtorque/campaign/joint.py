@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from camtorque.fit.joint import CampaignFit, fit_joint
-from camtorque.fit.joint_input import HeldOnce, JointInput, Known
+from camtorque.fit.joint_input import FittedAlone, HeldOnce, JointInput
 from camtorque.ingest.stated import DIMENSIONS, MOST_NAMED, difference_findings, differences
 from camtorque.process.threads import on_one_thread
 from camtorque.records import Finding, Refusal
@@ -27,7 +27,7 @@ def joint_fit(
     """
     if count < 2:
         return _none(f"{counted(count, 'usable recording', 'usable recordings')}, a joint fit needs at least 2")
-    held, known = HeldOnce(), list[Known]()
+    held, known = HeldOnce(), list[FittedAlone]()
     pumps: dict[str, list[str]] = {}
     same: dict[bytes, list[str]] = {}
     for item in map(read, range(count)):

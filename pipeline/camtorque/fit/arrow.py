@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camtorque.fit.problem import Places
+from camtorque.fit.problem import Indices
 from camtorque.records import Array, Mask, ReadOnly
 
 SMALLEST_EIGENVALUE = 1.0e-12
@@ -28,10 +28,10 @@ class Arrow(ReadOnly):
     recording : (k,) whose own each parameter is, -1: shared
     """
 
-    places: tuple[Places, ...]
+    places: tuple[Indices, ...]
     blocks: tuple[Array, ...]
     diagonal: Array
-    recording: Places
+    recording: Indices
 
     def main_diagonal(self) -> Array:
         """Return the diagonal of the sum, (k,)."""
@@ -49,7 +49,7 @@ class Arrow(ReadOnly):
 
     def reduced(
         self, index: int, vector: Array, free: Mask, pseudo: bool = False
-    ) -> tuple[Places, Array, Array, Array]:
+    ) -> tuple[Indices, Array, Array, Array]:
         """Return a recording's share of the equations of the shared parameters, its own ones eliminated.
 
         Returns
@@ -113,9 +113,9 @@ class ArrowCovariance(ReadOnly):
     through : per recording (o, s) how they follow the shared ones; rest : (o, o) covariance of what does not
     """
 
-    shared: Places
+    shared: Indices
     matrix: Array
-    own: tuple[Places, ...] = ()
+    own: tuple[Indices, ...] = ()
     through: tuple[Array, ...] = ()
     rest: tuple[Array, ...] = ()
 
@@ -149,14 +149,14 @@ class ArrowCovariance(ReadOnly):
             total[place] = through @ shared + rest @ vector[place]
         return total
 
-    def of(self, recording: int) -> tuple[Places, Array]:
+    def of(self, recording: int) -> tuple[Indices, Array]:
         """Return the places of the shared parameters and of a recording's own (m,), and their covariance (m, m)."""
         weight = np.vstack([np.eye(self.shared.size), self.through[recording]])
         matrix = weight @ self.matrix @ weight.T
         matrix[self.shared.size :, self.shared.size :] += self.rest[recording]
         return np.concatenate([self.shared, self.own[recording]]), matrix
 
-    def among(self, index: Sequence[int] | Places) -> Array:
+    def among(self, index: Sequence[int] | Indices) -> Array:
         """Return the covariance of some parameters (m, m), own ones of several recordings among them."""
         chosen = np.asarray(index, dtype=np.int64)
         weight, rest = np.zeros((chosen.size, self.shared.size)), np.zeros((chosen.size, chosen.size))

@@ -27,7 +27,7 @@ from camtorque.fit.difference import (
     objective,
     with_updated_covariance,
 )
-from camtorque.fit.pair import OWN_NAMES, Pair
+from camtorque.fit.pair import OWN_NAMES, TwoRecordings
 from camtorque.laws.fuels import shares_per_kelvin
 from camtorque.process.second_process import in_two
 from camtorque.records import Array
@@ -73,7 +73,7 @@ RULED_OUT = 50.0
 
 
 @dataclass(frozen=True)
-class Hypothesis:
+class EventSetPosterior:
     """A set of groups and its posterior.
 
     two_ln_evidence : with the prior odds; mean, covariance : of the differences of all candidates, (m,), (m, m) [SI]
@@ -102,7 +102,7 @@ class Attribution:
     """
 
     names: tuple[str, ...]
-    hypotheses: tuple[Hypothesis, ...]
+    hypotheses: tuple[EventSetPosterior, ...]
     probabilities: tuple[float, ...]
     mean: Array
     covariance: Array
@@ -128,7 +128,7 @@ class Attribution:
 
 
 @dataclass(frozen=True)
-class Fitted:
+class EventSetMinimum:
     """A set of groups at its own minimum.
 
     covariance : along the directions, whatever the common values are, (m, m)
@@ -140,13 +140,13 @@ class Fitted:
     two_ln_evidence: float
 
 
-def candidates(pair: Pair) -> tuple[str, ...]:
+def may_differ(pair: TwoRecordings) -> tuple[str, ...]:
     """Return the parameters that may differ: own ones first."""
     wanted = dict.fromkeys(name for members in CHANGES.values() for name in members)
     return tuple(dict.fromkeys((*pair.own, *(name for name in wanted if name in pair.names))))
 
 
-def basis_of(pair: Pair, values: Array, groups: Sequence[str]) -> Basis:
+def basis_of(pair: TwoRecordings, values: Array, groups: Sequence[str]) -> Basis:
     """Return the directions of a set of events at values of the free parameters, (k,) [SI]; own ones first."""
     labels: list[tuple[str, str]] = [("", name) for name in pair.own]
     columns = [pair.own[name] * _unit(pair, name) for name in pair.own]
@@ -162,7 +162,7 @@ def basis_of(pair: Pair, values: Array, groups: Sequence[str]) -> Basis:
     return Basis(tuple(labels), np.array(columns).T.reshape(len(pair.names), -1))
 
 
-def _unit(pair: Pair, name: str) -> Array:
+def _unit(pair: TwoRecordings, name: str) -> Array:
     return np.eye(len(pair.names))[pair.names.index(name)]
 
 
@@ -179,17 +179,17 @@ def marginal(matrix: Array, vector: Array, k: int) -> tuple[Array, Array]:
     return matrix[k:, k:] - matrix[k:, :k] @ gain[:, :-1], vector[k:] - matrix[k:, :k] @ gain[:, -1]
 
 
-def fitted(pair: Pair, start: tuple[PairState, tuple[str, ...], int]) -> Fitted:
+def fitted(pair: TwoRecordings, start: tuple[PairState, tuple[str, ...], int]) -> EventSetMinimum:
     """Return a set at its minimum; ``start``: state of a smaller set, the groups, iterations at most."""
     state, groups, iterations = start
     state = minimised(pair, along(pair, state, basis_of(pair, state.before, groups)), iterations)
     matrix, vector = normal_equations(pair, state, state.basis.columns, state.moved)
     apart, _ = marginal(matrix, vector, len(pair.names))
     evidence = -objective(pair, state) - float(np.linalg.slogdet(apart)[1]) + two_ln_odds(groups)
-    return Fitted(groups, state, np.asarray(np.linalg.inv(apart)), evidence)
+    return EventSetMinimum(groups, state, np.asarray(np.linalg.inv(apart)), evidence)
 
 
-def differences(pair: Pair, item: Fitted, names: Sequence[str]) -> Hypothesis:
+def differences(pair: TwoRecordings, item: EventSetMinimum, names: Sequence[str]) -> EventSetPosterior:
     """Return the differences of some parameters under a set of groups: what its events moved, and what always differs.
 
     The error of edges and starts that each recording has its own is no change of the trigger.
@@ -200,10 +200,10 @@ def differences(pair: Pair, item: Fitted, names: Sequence[str]) -> Hypothesis:
     rows = state.basis.columns[place] * counts
     beside = (state.basis.columns @ (state.moved * np.logical_not(counts)))[place]
     mean = np.where(rows.any(axis=1), (state.after - state.before)[place] - beside, 0.0)
-    return Hypothesis(item.groups, item.two_ln_evidence, mean, rows @ item.covariance @ rows.T)
+    return EventSetPosterior(item.groups, item.two_ln_evidence, mean, rows @ item.covariance @ rows.T)
 
 
-def evidence_with(pair: Pair, item: Fitted, group: str) -> float:
+def evidence_with(pair: TwoRecordings, item: EventSetMinimum, group: str) -> float:
     """Return two ln evidence of a set with one more event, linearised where the set has its minimum."""
     basis = basis_of(pair, item.state.before, (*item.groups, group))
     place = {label: k for k, label in enumerate(item.state.basis.labels)}
@@ -214,7 +214,9 @@ def evidence_with(pair: Pair, item: Fitted, group: str) -> float:
     return gain - objective(pair, item.state) - float(np.linalg.slogdet(matrix)[1]) + two_ln_odds((*item.groups, group))
 
 
-def searched(pair: Pair, states: Mapping[tuple[str, ...], PairState], groups: Sequence[str]) -> tuple[Fitted, ...]:
+def searched(
+    pair: TwoRecordings, states: Mapping[tuple[str, ...], PairState], groups: Sequence[str]
+) -> tuple[EventSetMinimum, ...]:
     """Return no event, every single one, and the sets of up to `MOST_CHANGES` that are worth it, best first.
 
     Parameters
@@ -238,7 +240,7 @@ def searched(pair: Pair, states: Mapping[tuple[str, ...], PairState], groups: Se
     return tuple(sorted(found.values(), key=lambda item: -item.two_ln_evidence))
 
 
-def attribution(pair: Pair) -> tuple[Attribution, Pair]:
+def attribution(pair: TwoRecordings) -> tuple[Attribution, TwoRecordings]:
     """Return what changed, and the pair with the weights that were used."""
     groups = tuple(name for name, names in CHANGES.items() if any(n in pair.names for n in names))
     values = np.array([pair.fixed[name] for name in pair.names])
@@ -253,14 +255,14 @@ def attribution(pair: Pair) -> tuple[Attribution, Pair]:
     factors = min((inflation(pair, state) for state in states.values()), key=lambda item: item[1])
     roots = [root * np.sqrt(f) for root, f in zip((pair.mean_root, pair.difference_root), factors, strict=True)]
     pair = replace(pair, mean_root=roots[0], difference_root=roots[1])
-    found, names = searched(pair, states, groups), candidates(pair)
+    found, names = searched(pair, states, groups), may_differ(pair)
     hypotheses = tuple(differences(pair, item, names) for item in found)
     weight, mean, covariance = mixture(hypotheses, np.array([item.two_ln_evidence for item in hypotheses]))
     free = freed(pair, found[0], names, groups)
     return Attribution(names, hypotheses, weight, mean, covariance, *free, factors, found[0].state), pair
 
 
-def near_minimum(pair: Pair, here: PairState, basis: Basis) -> PairState:
+def near_minimum(pair: TwoRecordings, here: PairState, basis: Basis) -> PairState:
     """Return a set near its minimum: first its directions alone, from the first recording's own fit.
 
     What is common runs away where a change has no name, and before a large one with a name has grown to its size.
@@ -275,7 +277,7 @@ def ruled_out(values: Mapping[tuple[str, ...], float]) -> set[tuple[str, ...]]:
     return {chosen for chosen, value in values.items() if value > RULED_OUT * least}
 
 
-def polished(pair: Pair, states: Mapping[tuple[str, ...], PairState]) -> dict[tuple[str, ...], PairState]:
+def polished(pair: TwoRecordings, states: Mapping[tuple[str, ...], PairState]) -> dict[tuple[str, ...], PairState]:
     """Return every set that may still be the one at its minimum, and the others as they are."""
     lost = ruled_out({chosen: objective(pair, state) for chosen, state in states.items()})
     kept = {chosen: state for chosen, state in states.items() if chosen not in lost}
@@ -283,7 +285,7 @@ def polished(pair: Pair, states: Mapping[tuple[str, ...], PairState]) -> dict[tu
     return {**states, **dict(zip(kept, ends, strict=True))}
 
 
-def nested(pair: Pair, states: Mapping[tuple[str, ...], PairState]) -> dict[tuple[str, ...], PairState]:
+def nested(pair: TwoRecordings, states: Mapping[tuple[str, ...], PairState]) -> dict[tuple[str, ...], PairState]:
     """Return states of which none that may be the one lies above no event, which starts again from the least one."""
     values = {chosen: objective(pair, state) for chosen, state in states.items()}
     least = states[min(values, key=lambda chosen: values[chosen])]
@@ -298,7 +300,9 @@ def nested(pair: Pair, states: Mapping[tuple[str, ...], PairState]) -> dict[tupl
     return found
 
 
-def freed(pair: Pair, best: Fitted, names: Sequence[str], groups: Sequence[str]) -> tuple[Array, Array]:
+def freed(
+    pair: TwoRecordings, best: EventSetMinimum, names: Sequence[str], groups: Sequence[str]
+) -> tuple[Array, Array]:
     """Return how far each difference may be from zero and how well it is known, whatever two other events did, (m,)."""
     state = best.state
     basis = basis_of(pair, state.before, [group for group in groups if group != "temperature"])
@@ -329,7 +333,7 @@ def freed(pair: Pair, best: Fitted, names: Sequence[str], groups: Sequence[str])
     return result[0], result[1]
 
 
-def mixture(hypotheses: Sequence[Hypothesis], evidence: Array) -> tuple[tuple[float, ...], Array, Array]:
+def mixture(hypotheses: Sequence[EventSetPosterior], evidence: Array) -> tuple[tuple[float, ...], Array, Array]:
     """Return the probabilities of some hypotheses, and mean and covariance over them."""
     weight = np.exp(0.5 * (evidence - np.max(evidence)))
     weight /= np.sum(weight)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
-from camtorque.fit.pair import Pair, with_difference
+from camtorque.fit.pair import TwoRecordings, with_difference
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.uncertainty import LEAST_FREEDOM
 from camtorque.laws.chain import ChainOutput, coefficients_of, derivative_by, evaluate
@@ -60,7 +60,7 @@ class PairState:
     outputs: tuple[ChainOutput, ChainOutput]
 
 
-def evaluated(pair: Pair, before: Array, basis: Basis, moved: Array) -> PairState:
+def evaluated(pair: TwoRecordings, before: Array, basis: Basis, moved: Array) -> PairState:
     """Return both recordings at values of the first, (k,) [SI], and a way of the second along a basis, (m,)."""
     after = np.clip(before + basis.columns @ moved, *pair.bounds)
     residuals, jacobians, outputs = [], [], []
@@ -82,13 +82,13 @@ def evaluated(pair: Pair, before: Array, basis: Basis, moved: Array) -> PairStat
     )  # fmt: skip
 
 
-def by_angle(pair: Pair) -> Array:
+def by_angle(pair: TwoRecordings) -> Array:
     """Return the angle shift of the second recording per unit difference of each parameter, (k,) [rad per SI]."""
     rates = {"trigger_offset": -1.0, "delay_error": pair.items[1].chain.speed}
     return np.array([rates.get(name, 0.0) for name in pair.names])
 
 
-def turn_of_tooth(pair: Pair, output: ChainOutput) -> float:
+def turn_of_tooth(pair: TwoRecordings, output: ChainOutput) -> float:
     """Return by how much the shaft twists from the tooth of the first recording to that of the second [rad].
 
     Each tooth is the zero of its own recording's twist; ``output`` is that of the first.
@@ -112,18 +112,18 @@ def angle_slope(values: Array) -> Array:
     return np.asarray(np.fft.irfft(1j * orders * np.fft.rfft(values), values.size))
 
 
-def along(pair: Pair, state: PairState, basis: Basis) -> PairState:
+def along(pair: TwoRecordings, state: PairState, basis: Basis) -> PairState:
     """Return a state in another basis: directions of the same label keep how far they went."""
     gone = dict(zip(state.basis.labels, state.moved.tolist(), strict=True))
     return evaluated(pair, state.before, basis, np.array([gone.get(label, 0.0) for label in basis.labels]))
 
 
-def with_updated_covariance(pair: Pair, state: PairState) -> Pair:
+def with_updated_covariance(pair: TwoRecordings, state: PairState) -> TwoRecordings:
     """Return the pair with the covariance of the difference as it is at a state."""
     return with_difference(pair, pair.values(state.before), 0.5 * (state.residuals[0] + state.residuals[1]))
 
 
-def linearised(pair: Pair, state: PairState, columns: Array) -> tuple[Array, Array]:
+def linearised(pair: TwoRecordings, state: PairState, columns: Array) -> tuple[Array, Array]:
     """Return the pair linearised: its whitened derivatives and residual.
 
     Parameters
@@ -145,7 +145,7 @@ def linearised(pair: Pair, state: PairState, columns: Array) -> tuple[Array, Arr
     return stacked[:, :-1], stacked[:, -1]
 
 
-def chi_squares(pair: Pair, state: PairState) -> tuple[float, float]:
+def chi_squares(pair: TwoRecordings, state: PairState) -> tuple[float, float]:
     """Return chi-square of the mean and of the difference."""
     mean, apart = 0.5 * (state.residuals[0] + state.residuals[1]), state.residuals[1] - state.residuals[0]
     one = solve_triangular(pair.mean_root, mean, lower=True)
@@ -153,14 +153,14 @@ def chi_squares(pair: Pair, state: PairState) -> tuple[float, float]:
     return float(one @ one), float(two @ two)
 
 
-def objective(pair: Pair, state: PairState) -> float:
+def objective(pair: TwoRecordings, state: PairState) -> float:
     """Return chi-square with the priors of values and of differences."""
     means, stds = pair.priors
     away = (state.before - means) / stds
     return sum(chi_squares(pair, state)) + float(away @ away + state.moved @ state.moved)
 
 
-def normal_equations(pair: Pair, state: PairState, columns: Array, moved: Array) -> tuple[Array, Array]:
+def normal_equations(pair: TwoRecordings, state: PairState, columns: Array, moved: Array) -> tuple[Array, Array]:
     """Return matrix and vector of a step in common values (in their priors' widths) and along directions, (k + m,).
 
     Parameters
@@ -174,7 +174,7 @@ def normal_equations(pair: Pair, state: PairState, columns: Array, moved: Array)
     return np.asarray(jacobian.T @ jacobian + np.eye(stds.size + moved.size)), np.asarray(vector)
 
 
-def minimised(pair: Pair, state: PairState, iterations: int, common: bool = True) -> PairState:
+def minimised(pair: TwoRecordings, state: PairState, iterations: int, common: bool = True) -> PairState:
     """Return the pair at the minimum along the basis of a state.
 
     Parameters
@@ -204,7 +204,7 @@ def minimised(pair: Pair, state: PairState, iterations: int, common: bool = True
     return state
 
 
-def within(matrix: Array, vector: Array, pair: Pair, state: PairState) -> Array:
+def within(matrix: Array, vector: Array, pair: TwoRecordings, state: PairState) -> Array:
     """Return the step that leaves those parameters at a bound that it would push beyond it."""
     k = len(pair.names)
     lower, upper = pair.bounds
@@ -226,7 +226,7 @@ def within(matrix: Array, vector: Array, pair: Pair, state: PairState) -> Array:
     return step
 
 
-def inflation(pair: Pair, state: PairState) -> tuple[float, float]:
+def inflation(pair: TwoRecordings, state: PairState) -> tuple[float, float]:
     """Return the factors on the variance of mean and difference that the residuals of a state ask for."""
     mean, apart = chi_squares(pair, state)
     freedom = max(pair.expected - state.moved.size, LEAST_FREEDOM)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camtorque.fit.joint_input import SAME_SPEED, Known
+from camtorque.fit.joint_input import SAME_SPEED, FittedAlone
 from camtorque.fit.problem import Problem
 from camtorque.records import Array, Finding
 from camtorque.units import short
@@ -52,7 +52,7 @@ class Drift:
         return math.erfc(abs(self.slope_per_1000_rpm) / (math.sqrt(2.0) * self.slope_stderr)) if known else 1.0
 
 
-def shared_drifts(inputs: Sequence[Known]) -> tuple[Drift, ...]:
+def shared_drifts(inputs: Sequence[FittedAlone]) -> tuple[Drift, ...]:
     """Return every shared parameter as each recording alone tells it, with its slope over speed."""
     speeds = np.array([item.data.chain.speed for item in inputs]) * 60.0 / (2.0 * np.pi)
     names = tuple(item.name for item in inputs)

@@ -20,7 +20,7 @@ RARE = 3.0902
 """Standard deviations that a normal number stays below in 999 of 1000 cases."""
 PULLED = 2.5
 """A nuisance pulled this many standard deviations off its prior is told."""
-MOVES = 0.5
+MAY_MOVE = 0.5
 """Standard uncertainties that values may still move by, where a search ended early, without a word."""
 MOUNTING, EDGE, BEYOND = "trigger_offset", math.sqrt(3.0), 2.0
 """A mounting tolerance is a rectangle whose edge lies at so many standard deviations: what lies so many of its own
@@ -170,7 +170,7 @@ def _met_findings(fit: Fit, unexplained: float | None) -> list[Finding]:
         )
         result.append(Finding("unexplained", "error", text))
     moves = 0.0 if fit.solution.converged else _moves(fit)
-    if moves > MOVES:
+    if moves > MAY_MOVE:
         text = (
             "the search ended before its minimum, along a direction that the data hardly tell: values that are mixed "
             f"up may still move by up to {moves:.1f} of their standard uncertainty"

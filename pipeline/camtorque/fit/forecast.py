@@ -3,11 +3,13 @@
 Values are drawn about the fit by shares of its covariance and each draw is evaluated whole: where bounds would spoil
 the correlations, bands are those of the linearised model; beside a valve near chattering, where the model steps, those
 of whole standard deviations. What the laws get wrong is added: as large as predictions of left-out recordings were off,
-growing beyond the fitted speeds as they grew. The twist needs the torque itself, which is found by a fixed point.
+growing beyond the fitted speeds as they grew. The twist needs the torque itself, which is found by a fixed point. Of
+another clearance of the plunger the leakage is another.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -15,8 +17,17 @@ from types import MappingProxyType
 
 import numpy as np
 
-from camtorque.fit.draws import FRACTIONS, Load, draws, middle, steps
-from camtorque.fit.known_fit import FittedAt, KnownFit, law_share, law_std
+from camtorque.fit.known_fit import (
+    FRACTIONS,
+    FittedAt,
+    KnownFit,
+    LoadKnowledge,
+    draws,
+    law_share,
+    law_std,
+    middle,
+    steps,
+)
 from camtorque.fit.problem import LAND_NAMES, NEUTRAL, SPILL_NAMES
 from camtorque.fit.shared_lift import SharedLift
 from camtorque.laws import ROWS
@@ -34,12 +45,14 @@ from camtorque.laws.fluid import specific_volume
 from camtorque.laws.valve import SEAT_FLOW
 from camtorque.mechanism.contact import pulls
 from camtorque.records import Array, ReadOnly, Refusal
-from camtorque.units import BAR
+from camtorque.units import BAR, DECIMAL
 
 DRAWS = 60
 ROUNDS = 4
 """Fixed-point steps for torque, twist and cam angle."""
 Parts = Callable[[ChainInput, Mapping[str, float]], dict[str, Array]]
+CLEARANCE = 4.0e-6
+"""Clearance that a change is counted from where none is given [m]."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +134,7 @@ class Forecast(ReadOnly):
 
 
 def forecast(
-    known: KnownFit, chain: ChainInput, source: FittedAt, load: Load, changes: Mapping[str, float]
+    known: KnownFit, chain: ChainInput, source: FittedAt, load: LoadKnowledge, changes: Mapping[str, float]
 ) -> Forecast:
     """Return a run at the speed and line pressure of a chain.
 
@@ -156,7 +169,7 @@ def forecast(
 
 
 def _spread(
-    known: KnownFit, chain: ChainInput, source: FittedAt, load: Load, changes: Mapping[str, float]
+    known: KnownFit, chain: ChainInput, source: FittedAt, load: LoadKnowledge, changes: Mapping[str, float]
 ) -> tuple[Mapping[str, Array], tuple[Scatter, ...], bool]:
     """Return the curves of a run, scatters by what the fit leaves open, whether the model steps within that.
 
@@ -276,3 +289,33 @@ def stroke_volume(chain: ChainInput, values: Mapping[str, float], output: ChainO
     first, last = (1.0 / specific_volume(output.states[place, 0], *fluid)[0] for place in (0, -1))
     kept = values["gallery_volume"] * (last - first)
     return float(np.mean(output.flows[:, SEAT_FLOW])) * 2.0 * np.pi / chain.speed + kept
+
+
+def leakage_factor(text: str) -> float:
+    """Return by how much a change of clearance such as ``+1um`` or ``3um+1um`` multiplies the leakage.
+
+    Raises
+    ------
+    Refusal : not such a text, or no clearance is left
+    """
+    match = re.fullmatch(rf"(?:({DECIMAL})\s*um)?\s*([+-]{DECIMAL})\s*um", text.replace("µ", "u").strip())
+    if match is None:
+        raise Refusal(f"--clearance: found {text!r}, expected a change such as +1um, or 3um+1um from a known clearance")
+    base = float(match[1]) * 1e-6 if match[1] else CLEARANCE
+    if base <= 0.0:
+        raise Refusal(f"--clearance: found {text!r}, expected a known clearance above 0 um before the change")
+    factor = 1.0 + float(match[2]) * 1e-6 / base
+    if factor <= 0.0:
+        raise Refusal(f"--clearance: {text} leaves no clearance of {base * 1e6:g} um; give a smaller change")
+    return factor**3
+
+
+def refuse_leaky(known: KnownFit, clearance: str, factor: float) -> None:
+    """Refuse a clearance whose leakage no pump has."""
+    row = ROWS["leakage"]
+    leak = factor * float(known.values[known.names.index(row.name)]) if row.name in known.names else 0.0
+    if leak > row.upper and factor > 1.0:
+        raise Refusal(
+            f"--clearance: {clearance} makes a leakage of {leak / row.per_unit:.3g} {row.unit}, expected "
+            f"{row.upper / row.per_unit:g} or less; give a smaller change"
+        )

@@ -26,32 +26,33 @@ from camtorque.fit.drift import (
     shared_drifts,
 )
 from camtorque.fit.findings import prior_findings
-from camtorque.fit.firm_end import END_OF
 from camtorque.fit.joint_fit import (
     JointFit,
     JointRecording,
     joint_covariance,
     joint_recording,
-    shown_covariance,
+    pin_shift,
+    residual_covariance,
+    with_likelier_pin,
 )
 from camtorque.fit.joint_input import (
     Alone,
+    FittedAlone,
     JointInput,
-    Known,
     common_error,
     refuse_two_states,
     with_common_rows,
 )
-from camtorque.fit.joint_pin import pin_shift, with_likelier_pin
 from camtorque.fit.joint_shaft import softer_shift
 from camtorque.fit.joint_solver import JointSolution, solve_many
+from camtorque.fit.known_ends import END_OF
 from camtorque.fit.leftout import HeldOut, Predicted, left_out, poor_findings, predicted, settling_findings
 from camtorque.fit.minima import attempted
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import FitData, Problem, build_problem, in_structure, started_at, with_starts
 from camtorque.fit.result import parameter_estimates
 from camtorque.fit.search import SCAN_KEPT, SCAN_SHARES
-from camtorque.fit.shared_lift import SharedLift, given_to
+from camtorque.fit.shared_lift import SharedLift, shared_lift_from
 from camtorque.fit.single import PIN, SOFTER, SWITCHING, switching_shift
 from camtorque.fit.solver import approach, lift_at, try_at
 from camtorque.fit.starts import SEARCH_LIFT_CUT, chi_square_at_start, ends_at
@@ -77,8 +78,8 @@ FEWEST = 3
 class CampaignFit:
     """The joint fit: shared parameters, every recording's result, predictions of left-out recordings.
 
-    ``covariance`` is that of the free parameters ``free``, at ``values`` (k,) [SI]; ``shown`` and ``lift`` are as in
-    `known_fit.KnownFit`.
+    ``covariance`` is that of the free parameters ``free``, at ``values`` (k,) [SI]; ``residual_covariance`` and
+    ``lift`` are as in `known_fit.KnownFit`.
     """
 
     names: tuple[str, ...]
@@ -91,11 +92,11 @@ class CampaignFit:
     drifts: tuple[Drift, ...]
     excluded: tuple[str, ...]
     findings: tuple[Finding, ...]
-    shown: ArrowCovariance | None
+    residual_covariance: ArrowCovariance | None
     lift: SharedLift
 
 
-def anchors(inputs: Sequence[Known]) -> list[int]:
+def anchors(inputs: Sequence[FittedAlone]) -> list[int]:
     """Return the places of the recordings that are explained alone and end as most of these do, best first.
 
     One pump mostly ends one way. What ends otherwise alone may have been taken for it: as an anchor it would bend all
@@ -109,7 +110,7 @@ def anchors(inputs: Sequence[Known]) -> list[int]:
     return [k for k in sound if inputs[k].data.structure == usual][:MOST_ANCHORS]
 
 
-def shared_starts(found: Sequence[Known]) -> list[dict[str, float]]:
+def shared_starts(found: Sequence[FittedAlone]) -> list[dict[str, float]]:
     """Return the anchors' shared values, the mean weighted by their information first."""
     rows: dict[str, list[Alone]] = {}
     for item in found:
@@ -122,7 +123,7 @@ def shared_starts(found: Sequence[Known]) -> list[dict[str, float]]:
     return [mean, *({name: row.value for name, row in item.alone.items()} for item in found)]
 
 
-def solve_joint(inputs: Sequence[Known], each: Each = in_turn) -> tuple[Problem, JointSolution]:
+def solve_joint(inputs: Sequence[FittedAlone], each: Each = in_turn) -> tuple[Problem, JointSolution]:
     """Return the joint minimum: that of the anchors first, then with every other recording searched anew.
 
     An anchor that is then met badly has bent the others, and is none a second time. ``each`` calls with every
@@ -139,7 +140,7 @@ def solve_joint(inputs: Sequence[Known], each: Each = in_turn) -> tuple[Problem,
     return with_bad_anew(problem, solution, each)
 
 
-def _from_anchors(inputs: Sequence[Known], chosen: Sequence[int], each: Each) -> tuple[Problem, JointSolution]:
+def _from_anchors(inputs: Sequence[FittedAlone], chosen: Sequence[int], each: Each) -> tuple[Problem, JointSolution]:
     """Return the joint minimum from some anchors, given by their places."""
     count = len(inputs)
     data = with_common_rows([common_error(item.data, count) for item in inputs])
@@ -236,7 +237,7 @@ def searched_anew(item: FitData, structures: tuple[str, ...] = ("land", "spill",
     return replace(best, lift_basis=item.lift_basis)
 
 
-def fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], threads: int) -> CampaignFit:
+def fit_joint(known: Sequence[FittedAlone], read: Callable[[int], JointInput], threads: int) -> CampaignFit:
     """Return the joint fit of several recordings of one pump.
 
     Parameters
@@ -259,7 +260,7 @@ def fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], threads
         ) from error
 
 
-def _fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], each: Each) -> CampaignFit:
+def _fit_joint(known: Sequence[FittedAlone], read: Callable[[int], JointInput], each: Each) -> CampaignFit:
     refuse_two_states(known)
     places, excluded = list(range(len(known))), []
     while True:
@@ -297,7 +298,7 @@ def _fit_joint(known: Sequence[Known], read: Callable[[int], JointInput], each: 
     return CampaignFit(
         tuple(item.name for item in used), shared, fitted, problem.names, solution.z,
         fit.covariance.arrow, tuple(row for one in without for row in one.held), drifts, tuple(excluded), findings,
-        shown_covariance(solution, fit.covariance), given_to(problem, others.lift),
+        residual_covariance(solution, fit.covariance), shared_lift_from(problem, others.lift),
     )  # fmt: skip
 
 
@@ -312,7 +313,7 @@ def fitting_no_other(misfits: Array) -> list[int]:
 
 
 def joint_fit_of(
-    inputs: Sequence[Known], problem: Problem, solution: JointSolution, drifts: Sequence[Drift] = (),
+    inputs: Sequence[FittedAlone], problem: Problem, solution: JointSolution, drifts: Sequence[Drift] = (),
     each: Each = in_turn,
 ) -> JointFit:  # fmt: skip
     """Return a joint minimum with its covariance and the uncertainties that do not average out."""

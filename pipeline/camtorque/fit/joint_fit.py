@@ -1,7 +1,12 @@
-"""A joint minimum with its covariance, and one recording of it as if it were fitted alone."""
+"""A joint minimum, how sure it is, the likelier kind of pin there, and a recording of it as if it were fitted alone.
+
+A recording alone hardly tells needles from a plain bush, and the kind that most are taken for is no more than where to
+begin. One prior in place of the other changes the Gaussian of the joint minimum by what is known without a fit.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -10,16 +15,18 @@ import numpy as np
 
 from camtorque.fit.arrow import Arrow, ArrowCovariance, arrow_inverse
 from camtorque.fit.joint_input import JointInput
-from camtorque.fit.joint_solver import JointSolution
-from camtorque.fit.metrics import metrics_of_fit
+from camtorque.fit.joint_solver import JointSolution, solve_many
+from camtorque.fit.kinds import ARM, OtherKind, other_kind
+from camtorque.fit.minima import attempted
 from camtorque.fit.modelled import modelled
 from camtorque.fit.prepare import INDEPENDENT
-from camtorque.fit.problem import Problem
-from camtorque.fit.residual import is_explained
+from camtorque.fit.problem import Problem, build_problem, started_at, with_rows
+from camtorque.fit.residual import is_explained, metrics_of_fit
 from camtorque.fit.result import parameter_estimates
 from camtorque.fit.single import FittedParameters
 from camtorque.fit.solver import Minimum
 from camtorque.fit.uncertainty import LEAST_FREEDOM, Covariance, prior_std
+from camtorque.process.threads import Each
 from camtorque.records import Array, Metrics, ParameterEstimate, ReadOnly
 
 
@@ -92,15 +99,15 @@ def _inverse(solution: JointSolution, before: Array, inflation: float) -> ArrowC
     return arrow_inverse(replace(solution.hessian, blocks=information, diagonal=1.0 / before**2))
 
 
-def shown_covariance(solution: JointSolution, covariance: JointCovariance) -> ArrowCovariance | None:
+def residual_covariance(solution: JointSolution, covariance: JointCovariance) -> ArrowCovariance | None:
     """Return the covariance that the residual alone shows, None where the weights admit no more than that.
 
     The weights admit an error of the laws, the same in all recordings, even where the residual is smaller. It counts in
     what the parameters truly are. In another run the same laws are wrong again: what that leaves is told by left-out
     recordings and must not be counted twice.
     """
-    shown = solution.data_chi_square / covariance.freedom
-    return None if shown >= 1.0 else _inverse(solution, covariance.prior_std, shown)
+    left = solution.data_chi_square / covariance.freedom
+    return None if left >= 1.0 else _inverse(solution, covariance.prior_std, left)
 
 
 def _overlap(covariance: ArrowCovariance, information: Arrow) -> float:
@@ -126,3 +133,33 @@ def joint_recording(fit: JointFit, index: int, item: JointInput) -> JointRecordi
     explained = is_explained(means.torque - fitted, means.odd_even, float(np.max(means.torque_all)))
     own = tuple(row for row in parameter_estimates(fit.recording(index)) if row.role == "own")
     return JointRecording(own, problem.data[index].structure, found, explained)
+
+
+def with_likelier_pin(problem: Problem, solution: JointSolution, each: Each) -> tuple[Problem, JointSolution]:
+    """Return a joint minimum with the kind of pin that is the more probable one there."""
+    other = other_kind_at(problem, solution, joint_covariance(problem, solution))
+    if other is None or other.log_odds <= 0.0:
+        return problem, solution
+    turned = build_problem([with_rows(item, {ARM: other.rows}) for item in started_at(problem, solution.z)])
+    ended = attempted(solve_many, turned, turned.start, 25, 0.0, each)
+    return (turned, ended) if ended else (problem, solution)
+
+
+def other_kind_at(problem: Problem, solution: JointSolution, covariance: JointCovariance) -> OtherKind | None:
+    """Return what the other kind of pin makes of a joint minimum; None of a foot that slides."""
+    place = problem.index(ARM)
+    if place < 0:
+        return None
+    mean = float((solution.z + covariance.arrow.times(solution.gradient / covariance.inflation))[place])
+    return other_kind(problem.parameters[place].row, mean, float(covariance.std[place]))
+
+
+def pin_shift(problem: Problem, solution: JointSolution, covariance: JointCovariance) -> Array:
+    """Return how far the other kind of pin moves each parameter, by its probability, (k,) [SI]."""
+    other = other_kind_at(problem, solution, covariance)
+    if other is None:
+        return np.zeros(problem.size)
+    place = problem.index(ARM)
+    probability = 0.5 * (1.0 + math.tanh(0.5 * other.log_odds))
+    along = covariance.arrow.times(np.eye(problem.size)[place]) / covariance.std[place] ** 2
+    return np.asarray(math.sqrt(probability) * other.moved * along)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from camtorque.fit.pin import ARM, of_most
+from camtorque.fit.kinds import ARM, of_most
 from camtorque.fit.prepare import INDEPENDENT, MeanCycles, law_variance
 from camtorque.fit.problem import FitData, with_rows
 from camtorque.fit.single import Prepared, switching_std
@@ -48,7 +48,7 @@ class Alone:
 
 
 @dataclass(frozen=True)
-class Known:
+class FittedAlone:
     """What is held of a recording while all are fitted.
 
     Attributes
@@ -75,7 +75,7 @@ class Known:
 
 
 @dataclass(frozen=True)
-class JointInput(Known, ReadOnly):
+class JointInput(FittedAlone, ReadOnly):
     """One recording as a joint fit takes it: what is held of it, and what is read again when all are fitted.
 
     Attributes
@@ -115,7 +115,7 @@ class HeldOnce:
     def __init__(self) -> None:
         self._known: dict[bytes, Any] = {}
 
-    def __call__(self, item: JointInput) -> Known:
+    def __call__(self, item: JointInput) -> FittedAlone:
         """Return what is held of a recording."""
         chain = item.data.chain
         law = self._once(chain.law, chain.law.knots, chain.law.coefficients)
@@ -127,7 +127,7 @@ class HeldOnce:
         chain = replace(chain, theta=self._once(chain.theta, chain.theta), law=law)
         data = replace(item.data, chain=chain, rows=rows)
         sheets = {intern(name): intern(text) for name, text in item.stated.items()}
-        return Known(intern(item.pump_id), data, item.switching_std, alone, item.inflation, sheets)
+        return FittedAlone(intern(item.pump_id), data, item.switching_std, alone, item.inflation, sheets)
 
     def _once(self, value: Any, *arrays: Array) -> Any:
         digest = sha256(repr([array.shape for array in arrays]).encode())
@@ -136,7 +136,7 @@ class HeldOnce:
         return self._known.setdefault(digest.digest(), value)
 
 
-def refuse_two_states(inputs: Sequence[Known]) -> None:
+def refuse_two_states(inputs: Sequence[FittedAlone]) -> None:
     """Refuse recordings at one speed whose shared parameters contradict each other."""
     speeds = np.array([item.data.chain.speed for item in inputs])
     rows = [[item.alone.get(name) for name in COMPARED] for item in inputs]
@@ -151,7 +151,7 @@ def refuse_two_states(inputs: Sequence[Known]) -> None:
             raise _two_states(inputs[j], one, COMPARED[place])
 
 
-def _two_states(other: Known, one: Known, name: str) -> Refusal:
+def _two_states(other: FittedAlone, one: FittedAlone, name: str) -> Refusal:
     first, second = one.alone[name], other.alone[name]
     (a, s), (b, t) = ((row.value / row.per_unit, row.std / row.per_unit) for row in (first, second))
     return Refusal(

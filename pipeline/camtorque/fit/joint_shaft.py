@@ -1,6 +1,6 @@
 """How stiff a stiff shaft of many recordings is: the joint minimum with the compliance held aside, as for one of them.
 
-All recordings tell the same hyperbola of compliance and inertia (`valley`), so that their number does not end it.
+All recordings tell the same hyperbola of compliance and inertia (`valleys`), so that their number does not end it.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from camtorque.fit.joint_fit import JointCovariance
 from camtorque.fit.joint_solver import JointSolution, solve_many
 from camtorque.fit.minima import attempted
 from camtorque.fit.problem import Problem, build_problem, started_at, with_rows
-from camtorque.fit.valley import COMPLIANCE, FACTOR, HELD, MOST_FACTORS, STIFF, WALKED, Valley
+from camtorque.fit.valleys import COMPLIANCE, FACTOR, HELD, MOST_FACTORS, STIFF, WALKED, Valley
 from camtorque.process.threads import Each
 from camtorque.records import Array
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from camtorque.fit.arrow import Arrow
 from camtorque.fit.descent import Descent, Effort, free_at, minimise
-from camtorque.fit.problem import Places, Problem
+from camtorque.fit.problem import Indices, Problem
 from camtorque.fit.solver import (
     LARGEST_INFORMATION,
     LiftModes,
@@ -66,13 +66,13 @@ class KeptModes:
 
 
 @dataclass(frozen=True)
-class Task:
+class JointSetup:
     """A problem with what stays the same while it is solved: the lift corrections and the smoothing."""
 
     problem: Problem
     kept: tuple[KeptModes, ...]
     smooth: Smooth
-    recording: Places
+    recording: Indices
     each: Each
 
     def lift(self, index: int) -> LiftModes:
@@ -96,7 +96,7 @@ class Trial:
     paths: tuple[Callable[[], Array], ...]
 
 
-def joint_task(problem: Problem, z: Array, smoothing: float, each: Each = in_turn) -> Task:
+def joint_setup(problem: Problem, z: Array, smoothing: float, each: Each = in_turn) -> JointSetup:
     """Return a problem with the lift corrections of a point; their error is one for all recordings.
 
     ``smoothing`` is that of the residual, a standard deviation [rad].
@@ -110,35 +110,35 @@ def joint_task(problem: Problem, z: Array, smoothing: float, each: Each = in_tur
 
     lifts = tuple(each(modes, range(len(problem.data))))
     recording = np.array([parameter.recording for parameter in problem.parameters], dtype=np.int64)
-    return Task(problem, lifts, smoother(smoothing), recording, each)
+    return JointSetup(problem, lifts, smoother(smoothing), recording, each)
 
 
-def _tried(task: Task, fixed: Array, index: int) -> tuple[Places, Array, Array]:
+def _tried(setup: JointSetup, fixed: Array, index: int) -> tuple[Indices, Array, Array]:
     """Return places of a recording's linear parameters, products of their columns and the rest of the torque, and path.
 
     ``fixed`` are the free parameters with the linear ones at zero.
     """
-    problem = task.problem
+    problem = setup.problem
     output = output_at(problem, fixed, index)
     own, columns, target = linear_part(problem, fixed, index, output)
-    both = task.smooth(np.column_stack([columns * problem.steps[own], target]))
-    return own - problem.n_nonlinear, task.whitened(index, both), output.path
+    both = setup.smooth(np.column_stack([columns * problem.steps[own], target]))
+    return own - problem.n_nonlinear, setup.whitened(index, both), output.path
 
 
-def try_at(task: Task, z: Array) -> Trial:
+def try_at(setup: JointSetup, z: Array) -> Trial:
     """Return chi-square at z with the best linear parameters within their bounds."""
-    first, bounds, (means, stds) = task.problem.n_nonlinear, task.problem.bounds, task.problem.priors
-    scale = task.problem.steps[first:]
+    first, bounds, (means, stds) = setup.problem.n_nonlinear, setup.problem.bounds, setup.problem.priors
+    scale = setup.problem.steps[first:]
     inverse = (scale / stds[first:]) ** 2
     pulled = inverse * means[first:] / scale
     fixed = np.r_[z[:first], np.zeros(scale.size)]
-    found = task.each(lambda index: _tried(task, fixed, index), range(len(task.problem.data)))
+    found = setup.each(lambda index: _tried(setup, fixed, index), range(len(setup.problem.data)))
     plain = np.zeros(scale.size)
     for place, product, _ in found:
         plain[place] += product[:-1, -1]
     matrix = Arrow(
         tuple(place for place, _, _ in found), tuple(product[:-1, :-1] for _, product, _ in found), inverse + 1e-9,
-        task.recording[first:],
+        setup.recording[first:],
     )  # fmt: skip
     lower, upper = (bound[first:] / scale for bound in bounds)
     c = bounded_quadratic(matrix, plain + pulled, lower, upper, np.clip(z, *bounds)[first:] / scale)
@@ -169,14 +169,14 @@ def bounded_quadratic(matrix: Arrow, vector: Array, lower: Array, upper: Array, 
     return np.clip(c, lower, upper)
 
 
-def _linearised(task: Task, trial: Trial, index: int) -> tuple[Array, Array, Array]:
+def _linearised(setup: JointSetup, trial: Trial, index: int) -> tuple[Array, Array, Array]:
     """Return matrix and descent vector of one recording in units of the steps, and its weighted residual (BINS,)."""
-    problem, item = task.problem, task.problem.data[index]
+    problem, item = setup.problem, setup.problem.data[index]
     path = np.require(trial.paths[index](), requirements="W")
     output, both = with_slopes(problem, trial.z, index, path)
     both[:, -1] = item.residual(output, problem.values(trial.z, index)[1])
-    both = task.smooth(both)
-    product = task.whitened(index, both)
+    both = setup.smooth(both)
+    product = setup.whitened(index, both)
     return product[:-1, :-1], product[:-1, -1], both[:, -1].copy()
 
 
@@ -190,24 +190,24 @@ class Linearised:
     residuals: tuple[Array, ...]
 
 
-def linearised(task: Task, trial: Trial) -> Linearised:
+def linearised(setup: JointSetup, trial: Trial) -> Linearised:
     """Return the normal equations at a trial.
 
     Raises
     ------
     FloatingPointError : a tangent has run away
     """
-    found = task.each(lambda index: _linearised(task, trial, index), range(len(task.problem.data)))
+    found = setup.each(lambda index: _linearised(setup, trial, index), range(len(setup.problem.data)))
     blocks, parts, residuals = (tuple(column) for column in zip(*found, strict=True))
     if not all(np.max(np.abs(block)) < LARGEST_INFORMATION for block in blocks):
         raise FloatingPointError("the derivative of the chain is not finite")
-    steps, (means, stds) = task.problem.steps, task.problem.priors
+    steps, (means, stds) = setup.problem.steps, setup.problem.priors
     inverse = (steps / stds) ** 2
     vector = -inverse * (trial.z - means) / steps
-    places = tuple(own for own, _ in task.problem.places)
+    places = tuple(own for own, _ in setup.problem.places)
     for place, part in zip(places, parts, strict=True):
         vector[place] += part
-    return Linearised(Arrow(places, blocks, inverse, task.recording), vector, parts, residuals)
+    return Linearised(Arrow(places, blocks, inverse, setup.recording), vector, parts, residuals)
 
 
 def solve_many(
@@ -220,47 +220,47 @@ def solve_many(
     start : (k,) where to start
     smoothing : standard deviation of the residual's smoothing [rad]
     """
-    task = joint_task(problem, start, smoothing, each)
+    setup = joint_setup(problem, start, smoothing, each)
     descent = Descent[Trial, Linearised](
-        try_at=lambda z: try_at(task, z),
-        linearise=lambda trial: linearised(task, trial),
-        step=lambda point, z, damping: _step(task, point, z, damping),
-        promise=lambda point, z: _promise(task, point, z),
+        try_at=lambda z: try_at(setup, z),
+        linearise=lambda trial: linearised(setup, trial),
+        step=lambda point, z, damping: _step(setup, point, z, damping),
+        promise=lambda point, z: _promise(setup, point, z),
         bounds=problem.bounds,
     )
     ended = minimise(descent, descent.try_at(np.clip(start, *descent.bounds)), Effort(max_iterations))
-    return _solution(task, ended.trial, ended.point or linearised(task, ended.trial), ended.cost)
+    return _solution(setup, ended.trial, ended.point or linearised(setup, ended.trial), ended.cost)
 
 
-def _solution(task: Task, trial: Trial, point: Linearised, cost: tuple[int, int, bool]) -> JointSolution:
+def _solution(setup: JointSetup, trial: Trial, point: Linearised, cost: tuple[int, int, bool]) -> JointSolution:
     """Return the solution in SI units."""
-    steps, places = task.problem.steps, point.matrix.places
+    steps, places = setup.problem.steps, point.matrix.places
     blocks = tuple(block / np.outer(steps[p], steps[p]) for p, block in zip(places, point.matrix.blocks, strict=True))
     misfits, lifts, share = [], [], 0.0
     for index, residual in enumerate(point.residuals):
-        lift = task.lift(index)
+        lift = setup.lift(index)
         misfits.append(float(lift.product(residual, residual)))
         lifts.append(lift.coefficients(residual))
         share += float(np.sum(lift.shrink))
     return JointSolution(
         trial.z, trial.chi_square, trial.data_chi_square, point.vector / steps, *cost,
-        Arrow(places, blocks, point.matrix.diagonal / steps**2, task.recording),
+        Arrow(places, blocks, point.matrix.diagonal / steps**2, setup.recording),
         tuple(part / steps[p] for p, part in zip(places, point.parts, strict=True)), np.array(misfits), tuple(lifts),
         share,
     )  # fmt: skip
 
 
-def _promise(task: Task, point: Linearised, z: Array) -> float:
+def _promise(setup: JointSetup, point: Linearised, z: Array) -> float:
     """Return how much chi-square the undamped step in the free parameters promises."""
-    free = free_at(z, point.vector, *task.problem.bounds)
+    free = free_at(z, point.vector, *setup.problem.bounds)
     return float(point.vector[free] @ point.matrix.solve(free, point.vector, pseudo=True)[free])
 
 
-def _step(task: Task, point: Linearised, z: Array, damping: float) -> tuple[Array, float]:
+def _step(setup: JointSetup, point: Linearised, z: Array, damping: float) -> tuple[Array, float]:
     """Return a damped step within bounds [SI] and how much chi-square it promises."""
-    steps, (lower, upper) = task.problem.steps, task.problem.bounds
+    steps, (lower, upper) = setup.problem.steps, setup.problem.bounds
     more = np.full(z.size, 1e-9)
-    first = task.problem.n_nonlinear
+    first = setup.problem.n_nonlinear
     more[:first] += damping * np.maximum(point.matrix.main_diagonal()[:first], 1e-3)
     damped = replace(point.matrix, diagonal=point.matrix.diagonal + more)
     free = free_at(z, point.vector, lower, upper)

@@ -16,21 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camtorque.fit.descent import Effort, free_at
-from camtorque.fit.draws import FRACTIONS, Load, draws, middle, steps
-from camtorque.fit.end_shape import Curve
-from camtorque.fit.endings import endings_of
-from camtorque.fit.ends import load_for
-from camtorque.fit.firm_end import END_OF, WIDTHS_OF
+from camtorque.fit.endings import endings_of, load_for
 from camtorque.fit.forecast import values_of
-from camtorque.fit.joint_fit import JointFit, shown_covariance
+from camtorque.fit.joint_fit import JointFit, residual_covariance
 from camtorque.fit.joint_input import JointInput
-from camtorque.fit.joint_solver import JointSolution, joint_task, solve_many, try_at
-from camtorque.fit.known_fit import FittedAt, KnownFit
-from camtorque.fit.metrics import metrics
+from camtorque.fit.joint_solver import JointSolution, joint_setup, solve_many, try_at
+from camtorque.fit.known_ends import END_OF, WIDTHS_OF, Curve
+from camtorque.fit.known_fit import FRACTIONS, FittedAt, KnownFit, LoadKnowledge, draws, middle, steps
 from camtorque.fit.modelled import modelled
 from camtorque.fit.problem import NEUTRAL, FitData, Problem, build_problem, started_at, with_starts
 from camtorque.fit.quadratic import bounded_quadratic
-from camtorque.fit.shared_lift import Asked, asked_by, asked_by_all, given_to
+from camtorque.fit.residual import metrics
+from camtorque.fit.shared_lift import LiftInformation, all_lift_information, lift_information, shared_lift_from
 from camtorque.fit.solver import solve
 from camtorque.laws import ripple
 from camtorque.laws.chain import coefficients_of, evaluate
@@ -53,7 +50,7 @@ MOST_TOLD = 5
 MOST_FITTED_ON, FIT_ON_STEPS = 12, 12
 """Largest campaign whose recordings are fitted again without one where the step fails, and the iterations of that."""
 DRAWS = 16
-"""Runs that tell whether the model steps within what the others leave open, by each of `draws.FRACTIONS`."""
+"""Runs that tell whether the model steps within what the others leave open, by each of `known_fit.FRACTIONS`."""
 
 
 @dataclass(frozen=True)
@@ -140,8 +137,8 @@ def fitted_without(fit: JointFit, found: Shares, index: int) -> tuple[Array, boo
         return near, True
     near = _followed(fit, near, index)
     stepped, joint = (_without(problem, z, index) for z in (near, fit.solution.z))
-    task = joint_task(joint, joint.start, 0.0)
-    if try_at(task, stepped.start).chi_square <= try_at(task, joint.start).chi_square:
+    setup = joint_setup(joint, joint.start, 0.0)
+    if try_at(setup, stepped.start).chi_square <= try_at(setup, joint.start).chi_square:
         return near, True
     solved = solve_many(joint, joint.start, FIT_ON_STEPS)
     keys = [_key(joint, k) for k in range(joint.size)]
@@ -182,17 +179,16 @@ class LeaveOneOut:
     found: Shares
     known: KnownFit
     curves: Mapping[str, Curve]
-    lift: Asked
+    lift: LiftInformation
 
 
 def left_out(fit: JointFit) -> LeaveOneOut:
     """Return what predictions of left-out recordings rest on."""
     data, cov = fit.problem.data, fit.covariance
     recordings = tuple(FittedAt(item.name, item.chain.speed, item.structure, 0.0, True) for item in data)
-    shown = shown_covariance(fit.solution, cov)
-    known = KnownFit(fit.problem.names, fit.solution.z, cov.arrow, recordings, shown)
+    known = KnownFit(fit.problem.names, fit.solution.z, cov.arrow, recordings, residual_covariance(fit.solution, cov))
     curves = {item.name: Curve(item.chain.theta, item.chain.line_pressure, item.chain.speed) for item in data}
-    asked = asked_by_all(fit.problem, fit.solution.z, cov.inflation)
+    asked = all_lift_information(fit.problem, fit.solution.z, cov.inflation)
     return LeaveOneOut(shares(fit.problem, fit.solution), known, curves, asked)
 
 
@@ -209,8 +205,8 @@ def predicted(fit: JointFit, others: LeaveOneOut, index: int, item: JointInput) 
     problem = fit.problem
     z, settled = fitted_without(fit, others.found, index)
     shared = {problem.parameters[k].row.name: float(z[k]) for k in others.found.places}
-    lift = others.lift - asked_by(problem, fit.solution.z, index, fit.covariance.inflation)
-    correction = given_to(problem, lift).values
+    lift = others.lift - lift_information(problem, fit.solution.z, index, fit.covariance.inflation)
+    correction = shared_lift_from(problem, lift).values
     data = replace(with_starts(problem.data[index], shared), lift_basis=problem.data[0].lift_basis)
     known = replace(others.known, values=z)
     ends = predicted_end(known, others.curves, data)
@@ -233,7 +229,7 @@ def typical(known: KnownFit, data: FitData, shared: Mapping[str, float], ends: M
     source = next(one for one in known.recordings if one.id == data.name)
     places = {name: k for name, k in known.own(source.id).items() if name in shared}
     mean = {**shared, "torque_zero": 0.0}
-    found = [draws(known, places, mean, Load({}), fraction, DRAWS) for fraction in FRACTIONS]
+    found = [draws(known, places, mean, LoadKnowledge({}), fraction, DRAWS) for fraction in FRACTIONS]
 
     def torque(values: Mapping[str, float]) -> Array:
         full = values_of({**values, **ends}, source)

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from camtorque.config.pump import PressureCurve
-from camtorque.fit.end_shape import Curve
+from camtorque.fit.known_ends import Curve
 from camtorque.fit.prepare import FIT_GRID
 from camtorque.mechanism.predict import pressure_at
 from camtorque.records import Array, Refusal

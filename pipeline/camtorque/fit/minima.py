@@ -32,18 +32,19 @@ FALLEN = 1e12
 class Candidate:
     """One structure (or minimum) followed to its end on the fine grid.
 
-    ``unseen``: what chi-square rises by, as the mean over both halves of the cycles, where the other half is asked too
+    ``holdout_penalty``: what chi-square rises by, as the mean over both halves of the cycles, where the half that is
+    held out is asked too
     """
 
     data: FitData
     problem: Problem
     solution: Solution
-    unseen: float = 0.0
+    holdout_penalty: float = 0.0
 
     @property
     def value(self) -> float:
         """Chi-square with priors, and what the other half of the cycles and the sheet's cam say."""
-        return self.solution.chi_square + self.unseen + self.light_cam_penalty
+        return self.solution.chi_square + self.holdout_penalty + self.light_cam_penalty
 
     @property
     def basin(self) -> Basin:
@@ -60,8 +61,8 @@ class Candidate:
         return float(max(missing, 0.0) ** 2)
 
     @property
-    def doubt(self) -> float:
-        """Chi-square without what the stated error of the lift table explains: no search takes that away."""
+    def left_to_explain(self) -> float:
+        """Chi-square that a search may take away (the *doubt* of decision 0099): not what the lift table explains."""
         return self.value - self.solution.lift.expected_part(self.solution.residual)
 
 
@@ -94,7 +95,7 @@ class Halves:
             there = try_at(problem, item.solution.z, item.solution.lift).data_chi_square
         except (FloatingPointError, np.linalg.LinAlgError):
             there = FALLEN
-        return replace(item, unseen=0.5 * (there - item.solution.data_chi_square))
+        return replace(item, holdout_penalty=0.5 * (there - item.solution.data_chi_square))
 
     def minimum(self, fit: Callable[..., Candidate], *arguments: object) -> Candidate | None:
         """Return the minimum that a fit ends at, judged; None where it ends at none (`attempted`)."""

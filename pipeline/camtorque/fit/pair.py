@@ -53,7 +53,7 @@ to 10 us."""
 
 
 @dataclass(frozen=True)
-class Pair(ReadOnly):
+class TwoRecordings(ReadOnly):
     """Two recordings in one structure.
 
     Attributes
@@ -115,7 +115,7 @@ class Pair(ReadOnly):
         return {**self.fixed, **dict(zip(self.names, free.tolist(), strict=True))}
 
 
-def best_pair(before: Prepared, after: Prepared) -> Pair:
+def best_pair(before: Prepared, after: Prepared) -> TwoRecordings:
     """Return two recordings in that minimum of the first which makes their difference most likely.
 
     Beside a valve near chattering a minimum may explain the first recording a little better and yet say nothing of a
@@ -132,7 +132,7 @@ def best_pair(before: Prepared, after: Prepared) -> Pair:
     return pairs[int(np.argmin(cost))]
 
 
-def pair_of(before: Prepared, after: Prepared, start: Candidate) -> Pair:
+def pair_of(before: Prepared, after: Prepared, start: Candidate) -> TwoRecordings:
     """Return two recordings of one speed in the structure of one of the minima of the first, not weighed yet."""
     lost = start.data.chain.shaft_torque - before.measured
     items = tuple(_item(side, start.data, lost) for side in (before, after))
@@ -141,10 +141,10 @@ def pair_of(before: Prepared, after: Prepared, start: Candidate) -> Pair:
     values, coefficients = problem.values(start.solution.z, 0)
     fixed = {**values, **dict(zip(COLUMN_NAMES, coefficients, strict=True))}
     none = np.eye(BINS)
-    return Pair(items, (before.cycles, after.cycles), names, fixed, none, none, 0.0)  # type: ignore[arg-type]
+    return TwoRecordings(items, (before.cycles, after.cycles), names, fixed, none, none, 0.0)  # type: ignore[arg-type]
 
 
-def _weights(bare: tuple[Pair, Candidate]) -> dict[str, Any]:
+def _weights(bare: tuple[TwoRecordings, Candidate]) -> dict[str, Any]:
     """Return what a pair lacks until it is weighed, by the minimum of the first recording that it stands at."""
     pair, start = bare
     noise = scatter_of_both(pair, pair.fixed)
@@ -152,7 +152,7 @@ def _weights(bare: tuple[Pair, Candidate]) -> dict[str, Any]:
     return {"mean_root": mean_root, **_difference_weights(pair, pair.fixed, noise, np.zeros(BINS))}
 
 
-def with_difference(pair: Pair, values: Mapping[str, float], left: Array) -> Pair:
+def with_difference(pair: TwoRecordings, values: Mapping[str, float], left: Array) -> TwoRecordings:
     """Return the pair with the covariance of the difference as it is at values of all parameters.
 
     Parameters
@@ -162,7 +162,7 @@ def with_difference(pair: Pair, values: Mapping[str, float], left: Array) -> Pai
     return replace(pair, **_difference_weights(pair, values, scatter_of_both(pair, values), left))
 
 
-def _difference_weights(pair: Pair, values: Mapping[str, float], noise: Array, left: Array) -> dict[str, Any]:
+def _difference_weights(pair: TwoRecordings, values: Mapping[str, float], noise: Array, left: Array) -> dict[str, Any]:
     """Return difference_root and expected for a covariance of the scatter; see `with_difference`."""
     item = pair.items[0]
     known = noise + shift_covariance(pair, values)
@@ -176,7 +176,7 @@ def _difference_weights(pair: Pair, values: Mapping[str, float], noise: Array, l
     return {"difference_root": root_of(weighed), "expected": expected}
 
 
-def scatter_of_both(pair: Pair, values: Mapping[str, float]) -> Array:
+def scatter_of_both(pair: TwoRecordings, values: Mapping[str, float]) -> Array:
     """Return the covariance of the scatter of the difference, (BINS, BINS) [(N m)^2]."""
     own = tuple(pair.own)
     return np.asarray(sum(mean_scatter(c, one, values, own) for c, one in zip(pair.cycles, pair.items, strict=True)))
@@ -238,7 +238,7 @@ def mean_scatter(cycles: CamCycles, item: FitData, values: Mapping[str, float], 
     return np.asarray(0.5 * (covariance + np.diag(np.diag(covariance))))
 
 
-def shift_covariance(pair: Pair, values: Mapping[str, float]) -> Array:
+def shift_covariance(pair: TwoRecordings, values: Mapping[str, float]) -> Array:
     """Return the covariance of what clocks and starts may have shifted the line pressure by, (BINS, BINS) [(N m)^2].
 
     The torque is asked for with the pressure earlier and later by one standard error, never by less: beside a valve

@@ -17,7 +17,7 @@ from camtorque.laws.lift import LiftCorrection
 from camtorque.laws.rows import ParameterRow
 from camtorque.records import Array, ReadOnly
 
-Places = NDArray[np.int64]
+Indices = NDArray[np.int64]
 ALL_NAMES = (*NONLINEAR_NAMES, *COLUMN_NAMES)
 ORDER = {name: k for k, name in enumerate(ALL_NAMES)}
 """Parameters in the chain's own order."""
@@ -110,7 +110,7 @@ class Problem:
     parameters: tuple[FreeParameter, ...]
     n_nonlinear: int
     fixed: Mapping[str, float]
-    places: tuple[tuple[Places, Places], ...] = field(init=False)
+    places: tuple[tuple[Indices, Indices], ...] = field(init=False)
     held: tuple[Array, ...] = field(init=False)
 
     def __post_init__(self) -> None:

@@ -1,4 +1,7 @@
-"""What the model leaves: whether it explains the recording, where it does not, and how it would do on unseen angles."""
+"""How well a model meets the mean cycle: its metrics, whether it explains it, where it does not, and on unseen angles.
+
+The metrics are defined in docs/result_schema.md.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from camtorque.fit.prepare import MeanCycles
 from camtorque.fit.problem import FitData, Problem
 from camtorque.fit.solver import Solution
 from camtorque.fit.uncertainty import Covariance, inverse
 from camtorque.laws.chain import BINS, derivative_by
-from camtorque.records import Array, Mask, ResidualBump
+from camtorque.records import Array, Mask, Metrics, ResidualBump, RigidTorque
 
 UNEXPLAINED_TIMES = 3.0
 UNEXPLAINED_SHARE = 1.5e-3
@@ -21,6 +25,8 @@ BUMP_WINDOW_DEG = 3.0
 MOST_BUMPS = 4
 LEAST_SWINGS, RINGING_SHARE, RINGING_WIDTH = 5, 0.5, 12
 """A bump rings where so many swings at least, within so many quarters of a line of the spectrum, hold this share."""
+STROKE = (0.05, 0.95)
+"""Shares of the lift between which a stroke counts."""
 
 
 def mean_square_about(values: Array, reach: int) -> Array:
@@ -140,3 +146,59 @@ def phase_at(fitted: Any, place: int) -> str:
     if share > 0.97:
         return "top dwell"
     return "compression" if rising else "expansion on the return"
+
+
+def stroke_masks(lift: Array, velocity: Array) -> tuple[Mask, Mask]:
+    """Return where the lift rises and where it falls between 5 and 95 % of its range, each (n_theta,)."""
+    share = (lift - np.min(lift)) / np.ptp(lift)
+    inside = (share >= STROKE[0]) & (share <= STROKE[1])
+    return inside & (velocity > 0.0), inside & (velocity < 0.0)
+
+
+def loaded_part(rigid: Array, lift: Array, velocity: Array) -> tuple[Mask, Mask]:
+    """Return the loaded part of the forward stroke and the return stroke, each (n_theta,), as `metrics` use them."""
+    rise, fall = stroke_masks(lift, velocity)
+    return rise & (rigid > 0.2 * np.max(rigid[rise])), fall
+
+
+def parts_of_gap(rigid: RigidTorque, measured: Array) -> tuple[Mask, Mask, int]:
+    """Return both of `loaded_part`, and where the measured torque (n_theta,) is least on the return stroke."""
+    forward, fall = loaded_part(rigid.torque, rigid.lift, rigid.lift_velocity)
+    return forward, fall, int(np.flatnonzero(fall)[np.argmin(measured[fall])])
+
+
+def metrics_of_fit(
+    means: MeanCycles, fitted: Array, held: Array, rigid: Array, lift: Array, velocity: Array
+) -> dict[str, Metrics]:
+    """Return the metrics of the rigid model, of the fitted one and of that on the cycles that were held out.
+
+    ``fitted`` and ``held`` (n_theta,) are the model for both halves of the cycles [N m]; else as in `metrics`.
+    """
+    pairs = {
+        "rigid": (means.torque_all, rigid), "fitted": (means.torque, fitted),
+        "fitted_held_out_cycles": (means.held_torque, held),
+    }  # fmt: skip
+    return {name: metrics(*pair, rigid, lift, velocity) for name, pair in pairs.items()}
+
+
+def metrics(measured: Array, model: Array, rigid: Array, lift: Array, velocity: Array) -> Metrics:
+    """Return the metrics of one model.
+
+    Parameters
+    ----------
+    measured, model, rigid : (n_theta,) mean cycle, model, rigid model [N m]
+    lift, velocity : (n_theta,) lift [m] and its slope [m/rad] at the nominal cam angle
+    """
+    residual = measured - model
+    loaded, fall = loaded_part(rigid, lift, velocity)
+    rms = float(np.sqrt(np.mean(residual**2)))
+    mean_model = float(np.mean(model[loaded]))
+    return Metrics(
+        rms_nm=rms,
+        rms_percent_of_peak=100.0 * rms / float(np.max(measured)),
+        forward_gap_percent=100.0 * (float(np.mean(measured[loaded])) - mean_model) / mean_model,
+        forward_peak_error_nm=float(np.max(measured[loaded]) - np.max(model[loaded])),
+        return_min_measured_nm=float(np.min(measured[fall])),
+        return_min_model_nm=float(np.min(model[fall])),
+        return_rms_nm=float(np.sqrt(np.mean(residual[fall] ** 2))),
+    )

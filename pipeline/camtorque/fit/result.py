@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from camtorque.fit.derived import delivered_volume, derived_estimates
+from camtorque.fit.derived import delivered_volume, derived_estimates, sureness
 from camtorque.fit.findings import (
     fit_findings,
     implausible_findings,
@@ -15,12 +15,11 @@ from camtorque.fit.findings import (
     prior_findings,
     table_findings,
 )
-from camtorque.fit.metrics import STROKE, metrics_of_fit
 from camtorque.fit.modelled import Modelled, model_on_grid, resampled
-from camtorque.fit.next_run import next_measurement
+from camtorque.fit.planning import next_measurement
 from camtorque.fit.prepare import MeanCycles
 from camtorque.fit.problem import SEPARATOR, STRUCTURES
-from camtorque.fit.residual import block_cross_validation, is_explained, residual_bumps
+from camtorque.fit.residual import STROKE, block_cross_validation, is_explained, metrics_of_fit, residual_bumps
 from camtorque.fit.single import Fit, FittedParameters
 from camtorque.fit.uncertainty import (
     confidence,
@@ -32,7 +31,6 @@ from camtorque.fit.uncertainty import (
     unresolved_amplitude,
     without_spikes,
 )
-from camtorque.fit.work import sureness
 from camtorque.laws import ROWS
 from camtorque.laws.causes import (
     ON_BRIDGE_ALONE,

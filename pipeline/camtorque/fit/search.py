@@ -22,14 +22,19 @@ from camtorque.fit.starts import (
     SMOOTHINGS_DEG,
     Start,
     Starts,
-    candidates,
     chi_square_at_start,
     compile_in_two,
     descend,
     ends_at,
+    expected,
+    first_starts,
     on_search_grid,
+    with_couplings,
+    with_heavier_cams,
+    with_hubs,
+    with_hubs_alone,
+    with_ringing,
 )
-from camtorque.fit.swings import expected, with_couplings, with_heavier_cams, with_hubs, with_hubs_alone, with_ringing
 from camtorque.laws import chamber, valve
 from camtorque.laws.chain import SENSOR_NAMES
 from camtorque.laws.driveline import COMPLIANCE_NAMES, COUPLING_NAMES
@@ -40,7 +45,7 @@ UNSMOOTHED = (0.0, 0.0)
 SCAN_SHARES = tuple(np.linspace(0.3, 0.97, 14))
 SCAN_KEPT = 2
 UNSURE, DOUBTFUL, SUSPECT, DISSATISFYING, UNEXPLAINED = 20.0, 35.0, 45.0, 100.0, 5.0 * INDEPENDENT
-"""Doubt of the best minimum above which cheap moves are made, it hops, dear moves are, it hops on, nothing is believed.
+"""Chi-square left to explain above which cheap moves are made, it hops, dear moves are, it hops on, all is in doubt.
 
 The parameters take some 20 of the 60 independent values, so that a residual as large as expected leaves 40;
 the weights admit somewhat more than benches show.
@@ -56,7 +61,7 @@ HELPED, MOST_MOVES = 0.7, 30
 Hops = tuple[tuple[float, int], ...]
 HOPS: Hops = ((DOUBTFUL, 6), (DISSATISFYING, 12))
 HOP_SMOOTHINGS_DEG = (1.5, 0.0, 0.0)
-"""Doubt above which the best start hops, and hops at most; ladder that each walks down."""
+"""Chi-square left to explain above which the best start hops, and hops at most; ladder that each walks down."""
 REDRAWN = (
     tuple(row.name for row in chamber.ROWS if row.role == "shared" and row not in valve.ROWS),
     tuple(row.name for row in valve.ROWS),
@@ -90,19 +95,19 @@ class SearchData:
         """The half that is fitted on the grid of the search."""
         return on_search_grid(self.twisted)
 
-    def doubt(self, found: Found) -> float:
-        """Return the doubt that the best minimum leaves; one that a report calls unexplained leaves a large one."""
+    def left_to_explain(self, found: SearchState) -> float:
+        """Return what the best minimum leaves to explain; one that a report calls unexplained leaves much."""
         if found.best is None:
             return np.inf
         _, minimum = found.best
         fitted, other = self.halves.fitted, self.halves.other
         odd_even = float(np.sqrt(np.mean((fitted.torque - other.torque) ** 2)))
         explained = explains(fitted, minimum.solution, odd_even)
-        return minimum.doubt if explained else max(minimum.doubt, DISSATISFYING + 1.0)
+        return minimum.left_to_explain if explained else max(minimum.left_to_explain, DISSATISFYING + 1.0)
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchState:
     """What a search has found so far.
 
     starts : on the search's grid by structure, least chi-square first
@@ -154,7 +159,7 @@ def redrawn(start: Start, names: Iterable[str], seed: int) -> FitData:
     return with_starts(start.data, drawn)
 
 
-def hop_from(found: Found, hop: int, elsewhere: bool) -> FitData:
+def hop_from(found: SearchState, hop: int, elsewhere: bool) -> FitData:
     """Return the best start with one part of it drawn anew; ``elsewhere``: now and then that of another structure."""
     start, part = found.start, hop
     others = [name for name in likely(found) if name != start.data.structure and found.starts[name]]
@@ -164,18 +169,18 @@ def hop_from(found: Found, hop: int, elsewhere: bool) -> FitData:
     return redrawn(start, REDRAWN[part % len(REDRAWN)], hop)
 
 
-def hops(found: Found, seen: SearchData, most: Hops) -> Iterator[tuple[str, Found]]:
+def hops(found: SearchState, seen: SearchData, most: Hops) -> Iterator[tuple[str, SearchState]]:
     """Yield what was found with what follows from drawing liquid, valve or driveline of the best minimum anew.
 
     They stand in for one another in many ways, each a minimum of its own that no small step leaves. Two at a time hop
     from the same minimum, one for each process: one of fourteen finds anything.
     """
     for hop in range(0, max(count for _, count in most), 2):
-        doubt = seen.doubt(found)
-        if found.best is None or not any(doubt > above and hop < count for above, count in most):
+        left = seen.left_to_explain(found)
+        if found.best is None or not any(left > above and hop < count for above, count in most):
             break
         items: Items = {}
-        for drawn in (hop_from(found, number, doubt > DISSATISFYING) for number in (hop, hop + 1)):
+        for drawn in (hop_from(found, number, left > DISSATISFYING) for number in (hop, hop + 1)):
             items.setdefault(drawn.structure, []).append(drawn)
         found = extended(found, descend(items, HOP_SMOOTHINGS_DEG, False), seen)
         yield "hops", found
@@ -189,27 +194,27 @@ def outlet_opening_again(start: Start) -> list[FitData]:
     return [with_starts(start.data, {"outlet_return": 1.0 if share < 0.7 else 0.0})]
 
 
-def load_anew(found: Found, seen: FitData) -> Items:
+def load_anew(found: SearchState, seen: FitData) -> Items:
     """Return first starts of all structures on the shaft, hub and drive that were found.
 
     A cam that swings at a resonance keeps every start from the load until the swing is known.
     """
     rows = found.start.data.rows
     known = {name: rows[name].start for name in COMPLIANCE_NAMES}
-    return {name: [with_starts(item, known) for item in candidates(seen, name)]
+    return {name: [with_starts(item, known) for item in first_starts(seen, name)]
             for name in found.starts if name != "line"}  # fmt: skip
 
 
-def scanned_again(found: Found, _seen: FitData) -> Items:
+def scanned_again(found: SearchState, _seen: FitData) -> Items:
     """Return the best start in every likely structure with the end of delivery where a scan puts it."""
     start = found.start
     return {name: rescanned(start, name) for name in likely(found)}
 
 
-def within_structure(more: Callable[[Start], list[FitData]]) -> Callable[[Found, FitData], Items]:
+def within_structure(more: Callable[[Start], list[FitData]]) -> Callable[[SearchState, FitData], Items]:
     """Return a move that changes the best start within its structure."""
 
-    def moved(found: Found, _seen: FitData) -> Items:
+    def moved(found: SearchState, _seen: FitData) -> Items:
         start = found.start
         return {start.data.structure: more(start)}
 
@@ -222,10 +227,10 @@ class Move:
 
     starts : from what was found so far and the recording on the search's grid
     smoothings : ladder that they walk down
-    above : doubt of the best minimum above which the move is made
+    above : chi-square left to explain above which the move is made
     """
 
-    starts: Callable[[Found, FitData], Items]
+    starts: Callable[[SearchState, FitData], Items]
     smoothings: tuple[float, ...]
     above: float
 
@@ -243,13 +248,13 @@ MOVES: dict[str, Move] = {
 """Moves in the order in which they are tried; after one that helps much, all are tried again, that one too."""
 
 
-def search(halves: Halves, structures: tuple[str, ...]) -> Found:
+def search(halves: Halves, structures: tuple[str, ...]) -> SearchState:
     """Return the best starts of each structure and the minima that they lead to."""
     *_, (_, found) = stages(halves, structures)
     return found
 
 
-def stages(halves: Halves, structures: tuple[str, ...], most: Hops = HOPS) -> Iterator[tuple[str, Found]]:
+def stages(halves: Halves, structures: tuple[str, ...], most: Hops = HOPS) -> Iterator[tuple[str, SearchState]]:
     """Yield what was done last and what was found so far, until the search ends.
 
     Further moves are for recordings that are not explained yet; each is made again after others have helped much.
@@ -261,15 +266,15 @@ def stages(halves: Halves, structures: tuple[str, ...], most: Hops = HOPS) -> It
     """
     seen = SearchData(halves, np.zeros(halves.fitted.chain.theta.size))
     compile_in_two(seen.on_search_grid)
-    first = descend({name: candidates(seen.on_search_grid, name) for name in structures}, SMOOTHINGS_DEG, True)
-    found = extended(Found({name: [] for name in structures}), first, seen)
+    first = descend({name: first_starts(seen.on_search_grid, name) for name in structures}, SMOOTHINGS_DEG, True)
+    found = extended(SearchState({name: [] for name in structures}), first, seen)
     seen, found = with_lost_torque_anew(seen, found)
     yield "first starts", found
     pending = dict(MOVES)
     for move_number in range(MOST_MOVES):
-        before, doubt = found.value, seen.doubt(found)
-        name = next((name for name, move in pending.items() if doubt > move.above), None)
-        if name is None or not found.best or (move_number and doubt <= UNSURE):
+        before, left = found.value, seen.left_to_explain(found)
+        name = next((name for name, move in pending.items() if left > move.above), None)
+        if name is None or not found.best or (move_number and left <= UNSURE):
             break
         move = pending.pop(name)
         items = {structure: group for structure, group in move.starts(found, seen.on_search_grid).items() if group}
@@ -281,7 +286,7 @@ def stages(halves: Halves, structures: tuple[str, ...], most: Hops = HOPS) -> It
     yield from hops(found, seen, most)
 
 
-def with_lost_torque_anew(seen: SearchData, found: Found) -> tuple[SearchData, Found]:
+def with_lost_torque_anew(seen: SearchData, found: SearchState) -> tuple[SearchData, SearchState]:
     """Return both halves with the torque that the transducer does not see at the best minimum, and that one again."""
     if found.best is None or found.value > UNEXPLAINED:
         return seen, found
@@ -290,7 +295,7 @@ def with_lost_torque_anew(seen: SearchData, found: Found) -> tuple[SearchData, F
     return seen, extended(found, {start.data.structure: [found.start]}, seen)
 
 
-def extended(found: Found, more: Starts, seen: SearchData) -> Found:
+def extended(found: SearchState, more: Starts, seen: SearchData) -> SearchState:
     """Return what was found with further starts and the minima that the promising ones among them lead to."""
     starts = joined(found.starts, more)
     least = min((group[0].chi_square for group in starts.values() if group), default=0.0)
@@ -299,10 +304,10 @@ def extended(found: Found, more: Starts, seen: SearchData) -> Found:
     follow = partial(followed, seen.twisted, effort=beside(found.value))
     ends = in_two(partial(seen.halves.minimum, follow), new)
     minima = [*found.minima, *((start, end) for start, end in zip(new, ends, strict=True) if end)]
-    return Found(starts, tuple(sorted(minima, key=lambda pair: pair[1].value)))
+    return SearchState(starts, tuple(sorted(minima, key=lambda pair: pair[1].value)))
 
 
-def likely(found: Found) -> list[str]:
+def likely(found: SearchState) -> list[str]:
     """Return the structures with a chamber that are not far behind the best one; all of them where none explains.
 
     One whose starts were all lost on the way is not behind: nobody knows where it is.

@@ -44,20 +44,20 @@ class SharedLift(ReadOnly):
 
 
 @dataclass(frozen=True)
-class Asked(ReadOnly):
+class LiftInformation(ReadOnly):
     """What recordings ask of the correction: information (n, n), and coefficients times it (n,), over its prior."""
 
     information: Array
     coefficients: Array
 
-    def __add__(self, other: Asked) -> Asked:
-        return Asked(self.information + other.information, self.coefficients + other.coefficients)
+    def __add__(self, other: LiftInformation) -> LiftInformation:
+        return LiftInformation(self.information + other.information, self.coefficients + other.coefficients)
 
-    def __sub__(self, other: Asked) -> Asked:
-        return Asked(self.information - other.information, self.coefficients - other.coefficients)
+    def __sub__(self, other: LiftInformation) -> LiftInformation:
+        return LiftInformation(self.information - other.information, self.coefficients - other.coefficients)
 
 
-def asked_by(problem: Problem, z: Array, index: int, inflation: float) -> Asked:
+def lift_information(problem: Problem, z: Array, index: int, inflation: float) -> LiftInformation:
     """Return what one recording of a joint minimum asks for.
 
     Parameters
@@ -72,18 +72,18 @@ def asked_by(problem: Problem, z: Array, index: int, inflation: float) -> Asked:
     modes = lift_modes(item, output, values)
     residual = item.residual(output, coefficients)
     felt_by = modes.to_lift / basis.prior_std * modes.strength  # columns of the residual are vectors @ felt_by.T
-    return Asked(felt_by @ felt_by.T / inflation, felt_by @ (modes.vectors.T @ residual) / inflation)
+    return LiftInformation(felt_by @ felt_by.T / inflation, felt_by @ (modes.vectors.T @ residual) / inflation)
 
 
-def asked_by_all(problem: Problem, z: Array, inflation: float) -> Asked:
-    """Return what all recordings of a joint minimum ask for together; parameters as in `asked_by`."""
-    found = asked_by(problem, z, 0, inflation)
+def all_lift_information(problem: Problem, z: Array, inflation: float) -> LiftInformation:
+    """Return what all recordings of a joint minimum ask for together; parameters as in `lift_information`."""
+    found = lift_information(problem, z, 0, inflation)
     for index in range(1, len(problem.data)):
-        found = found + asked_by(problem, z, index, inflation)
+        found = found + lift_information(problem, z, index, inflation)
     return found
 
 
-def given_to(problem: Problem, asked: Asked) -> SharedLift:
+def shared_lift_from(problem: Problem, asked: LiftInformation) -> SharedLift:
     """Return the correction that answers what recordings ask for."""
     basis = problem.data[0].lift_basis
     squares, vectors = np.linalg.eigh(asked.information)

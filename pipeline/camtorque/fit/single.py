@@ -1,4 +1,21 @@
-"""One recording: means, search, polish, structures, relaxed variant, evidence."""
+"""One recording: its minima, stage by stage, then how sure the best one is and which losses the data need.
+
+A stage takes minima, the best one first, and hands them on so; what each is for, and the decision in docs/decisions
+that holds its measurements:
+
+=======================  ==================================================================================  ==========
+`search`                 minima of all structures from many starts, moves of the best one and hops           0058, 0087
+`every_structure`        one of each structure, so that they can be compared                                 0152
+`with_lost_torque`       what the transducer's low-pass takes away twists the shaft all the same             0094
+`turned_round`           what no small step leads to: one thing at a time the other way round                0118, 0120
+`profile_trigger_angle`  a deeper place in the bent valley of the trigger angle, and how wide that is        0094, 0095
+`with_oil_at_rest`       the same again without the oil up to the sensor, where much is left to explain      0123
+`distinct`               each basin once: what differs stays among what is compared                          0118
+`weighed_locally`        where laws are missing the residual weighs less                                     0155
+`pin_decided`            the pin's other kind, if it is the likelier one; else beside the best one           0158
+`softer_shaft`           a stiff shaft that yields more, beside the best one                                 0159
+=======================  ==================================================================================  ==========
+"""
 
 from __future__ import annotations
 
@@ -12,16 +29,14 @@ import numpy as np
 from camtorque.align.budget import SWITCHING_DELAY, wandered_std
 from camtorque.fit.descent import Effort
 from camtorque.fit.evidence import loss_evidence, where_unexplained
+from camtorque.fit.kinds import OtherPin, chamber_evidence, pin_decided, structure_probabilities, structure_spread
 from camtorque.fit.local_error import weighed_locally
 from camtorque.fit.minima import Candidate, Halves, at_minimum, attempted, beside, followed, with_its_lost_torque
-from camtorque.fit.other_way import ways
-from camtorque.fit.pin import OtherPin, pin_decided
 from camtorque.fit.prepare import INDEPENDENT, MeanCycles, fit_data, mean_cycles, other_half
 from camtorque.fit.problem import STRUCTURES, Problem, with_rows
 from camtorque.fit.residual import explains
-from camtorque.fit.search import DISSATISFYING, Found, search
+from camtorque.fit.search import DISSATISFYING, SearchState, search
 from camtorque.fit.solver import Minimum, Solution
-from camtorque.fit.structures import chamber_evidence, structure_probabilities, structure_spread
 from camtorque.fit.uncertainty import (
     Covariance,
     along_valley,
@@ -32,7 +47,7 @@ from camtorque.fit.uncertainty import (
     posterior_at,
     pressure_jacobian,
 )
-from camtorque.fit.valley import ANGLE, Valley, softer_shaft, swept
+from camtorque.fit.valleys import TRIGGER_ANGLE, Valley, profile_trigger_angle, softer_shaft, turned_round
 from camtorque.laws.chain import BINS, binned
 from camtorque.mechanism.spectral import spectral_law
 from camtorque.process.second_process import in_two
@@ -102,7 +117,7 @@ class FittedParameters:
     @property
     def std(self) -> Array:
         """Total standard uncertainty, (k,) [SI]."""
-        return np.sqrt(self.statistical_std**2 + variance_of(self.shifts, self.problem.size))
+        return np.sqrt(self.statistical_std**2 + shift_variance(self.shifts, self.problem.size))
 
     @property
     def statistical_std(self) -> Array:
@@ -112,7 +127,7 @@ class FittedParameters:
     @property
     def unbounded_std(self) -> Array:
         """Total standard uncertainty without the bounds, (k,) [SI]: what the data tell, which bounds do not."""
-        return np.sqrt(self.covariance.std**2 + variance_of(self.shifts, self.problem.size))
+        return np.sqrt(self.covariance.std**2 + shift_variance(self.shifts, self.problem.size))
 
 
 @dataclass(frozen=True)
@@ -132,7 +147,7 @@ class Fit(FittedParameters):
     pressure_gain_std: float
 
 
-def variance_of(shifts: Mapping[str, Array], size: int) -> Array:
+def shift_variance(shifts: Mapping[str, Array], size: int) -> Array:
     """Return the variance that signed deviations (m, k) of all sources add to each of k parameters [SI^2]."""
     return sum((np.sum(rows**2, axis=0) for rows in shifts.values()), np.zeros(size))
 
@@ -143,50 +158,54 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     law = spectral_law(recording.cam_table)
     data = fit_data(recording, cycles, law, means)
     halves = Halves(data, other_half(data, means))
-    minima, valley = sought(halves)
-    if minima[0].doubt > DISSATISFYING:
-        minima, valley = sought_again(minima, valley, halves)
+    minima, valley = search_minima(halves)
+    if minima[0].left_to_explain > DISSATISFYING:
+        minima, valley = with_oil_at_rest(minima, valley, halves)
     kept = distinct(minima)
     weighed, other_pin = pin_decided(weighed_locally(kept, halves, means.odd_even), halves)
     if weighed[0] is not kept[0]:
-        best, valley = swept(weighed[0], halves)
+        best, valley = profile_trigger_angle(weighed[0], halves)
         kept = distinct([best, *weighed[1:]])
     softer = softer_shaft(kept[0], halves)
     return Prepared(recording, cycles, rigid, means, kept, valley, data.chain.shaft_torque, other_pin, softer)
 
 
-def sought(halves: Halves) -> tuple[list[Candidate], Valley]:
+def search_minima(halves: Halves) -> tuple[list[Candidate], Valley]:
     """Return all minima that a search ends at, the best one first, and the valley of that."""
-    ends = compared(search(halves, tuple(STRUCTURES)), halves)
-    corrected = halves.minimum(with_its_lost_torque, ends[0], halves.fitted.chain.shaft_torque)
-    kept = [ends[0], corrected] if corrected else ends[:1]
-    turned = ways(min(kept, key=lambda item: item.value), halves)
-    best, valley = swept(ended(turned[0], halves), halves)
-    return [best, *sorted([*turned, *ends[1:]], key=lambda item: item.value)], valley
+    minima = every_structure(search(halves, tuple(STRUCTURES)), halves)
+    minima = turned_round(with_lost_torque(minima, halves), halves)
+    best, valley = profile_trigger_angle(reconverged(minima[0], halves), halves)
+    return [best, *minima], valley
 
 
-def ended(found: Candidate, halves: Halves) -> Candidate:
+def with_lost_torque(minima: list[Candidate], halves: Halves) -> list[Candidate]:
+    """Return minima with the best one as it is with the torque that is lost at it, where that is better."""
+    corrected = halves.minimum(with_its_lost_torque, minima[0], halves.fitted.chain.shaft_torque)
+    return [corrected, *minima[1:]] if corrected and corrected.value < minima[0].value else minima
+
+
+def reconverged(found: Candidate, halves: Halves) -> Candidate:
     """Return where the descent to a minimum ends, if it was left before it had settled."""
     return found if found.solution.converged else halves.again(found)
 
 
-def sought_again(minima: list[Candidate], valley: Valley, halves: Halves) -> tuple[list[Candidate], Valley]:
-    """Return `sought` with what a search finds whose oil up to the sensor stays at rest, where that is better.
+def with_oil_at_rest(minima: list[Candidate], valley: Valley, halves: Halves) -> tuple[list[Candidate], Valley]:
+    """Return `search_minima` with what a search finds whose oil up to the sensor stays at rest, where that is better.
 
     Search and parameters are the same but for one that is not there, so that other basins are found.
     """
     data = halves.fitted
     upper = data.rows["line_inertance"].upper
     resting = replace(halves, fitted=with_rows(data, {"line_inertance": {"upper": AT_REST}}))
-    still = sought(resting)[0][0]
+    still = search_minima(resting)[0][0]
     freed = halves.minimum(at_minimum, with_rows(still.data, {"line_inertance": {"upper": upper}}))
     if freed is None or freed.value > minima[0].value:
         return minima, valley
-    best, valley = swept(freed, halves)
+    best, valley = profile_trigger_angle(freed, halves)
     return [best, *minima], valley
 
 
-def compared(found: Found, halves: Halves) -> list[Candidate]:
+def every_structure(found: SearchState, halves: Halves) -> list[Candidate]:
     """Return minima that differ and one of every structure that has starts, least chi-square first."""
     data = halves.fitted
     ends = list(distinct([item for _, item in found.minima])[:MINIMA])
@@ -228,7 +247,7 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     probabilities = structure_probabilities(prepared.candidates, careful.inflation)
     cov = narrowed(careful, solution)
     deviation = deviation_within(posterior_at(problem, solution, cov.matrix, cov.inflation), solution.z)
-    along = along_valley(deviation, problem.index(ANGLE), prepared.valley.std(cov.inflation))
+    along = along_valley(deviation, problem.index(TRIGGER_ANGLE), prepared.valley.std(cov.inflation))
     shifts, pressures = {BENT: along[None]}, [pressure_moved(best, along)]
     for source, variant, share in variants(prepared):
         shifts[source] = share * (variant.solution.z - solution.z)[None]
@@ -276,7 +295,7 @@ def switching_shift(problem: Problem, angle: float) -> Array:
     The pulse comes that much later than the tooth, and the fit finds the pulse.
     """
     shift = np.zeros(problem.size)
-    shift[problem.index(ANGLE)] = angle
+    shift[problem.index(TRIGGER_ANGLE)] = angle
     return shift
 
 

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from camtorque.fit.descent import Descent, Effort, free_at, minimise, promised
-from camtorque.fit.problem import FitData, Places, Problem
+from camtorque.fit.problem import FitData, Indices, Problem
 from camtorque.fit.quadratic import bounded_quadratic, bounded_step, scaled_columns, weighted_columns
 from camtorque.laws.chain import BINS, NONLINEAR_NAMES, ChainOutput, evaluate, filtered, transfer
 from camtorque.laws.chamber import NO_PATH
@@ -186,7 +186,7 @@ def output_at(problem: Problem, z: Array, index: int = 0) -> ChainOutput:
     return evaluate(problem.data[index].chain, problem.values(z, index)[0])
 
 
-def linear_part(problem: Problem, fixed: Array, index: int, output: ChainOutput) -> tuple[Places, Array, Array]:
+def linear_part(problem: Problem, fixed: Array, index: int, output: ChainOutput) -> tuple[Indices, Array, Array]:
     """Return the places of a recording's linear parameters, their weighted columns, and what is left to explain.
 
     ``fixed`` are the free parameters with the linear ones at zero.
@@ -261,7 +261,7 @@ def normal_equations(
 
 
 @dataclass(frozen=True)
-class Point:
+class NormalEquations:
     """Normal equations at a trial in units of the steps: with and without the priors, descent vector, output."""
 
     matrix: Array
@@ -312,21 +312,21 @@ def approach(problem: Problem, start: Trial, iterations: int, lift: LiftModes, s
     return minimise(_descent(problem, lift, smoothing), first, Effort(iterations, SEARCH_GAIN)).trial
 
 
-def _descent(problem: Problem, lift: LiftModes, smoothing: float) -> Descent[Trial, Point]:
+def _descent(problem: Problem, lift: LiftModes, smoothing: float) -> Descent[Trial, NormalEquations]:
     bounds, steps, (means, stds) = problem.bounds, problem.steps, problem.priors
     smooth = smoother(smoothing)
     inverse = (steps / stds) ** 2
 
-    def linearise(trial: Trial) -> Point:
+    def linearise(trial: Trial) -> NormalEquations:
         data_matrix, vector, output = normal_equations(
             problem, trial.z, trial.residual, lift, smooth, trial.output.path
         )
         if not np.max(np.abs(data_matrix)) < LARGEST_INFORMATION:
             raise FloatingPointError("the derivative of the chain is not finite")
         matrix = data_matrix + np.diag(inverse)
-        return Point(matrix, data_matrix, vector - inverse * (trial.z - means) / steps, output)
+        return NormalEquations(matrix, data_matrix, vector - inverse * (trial.z - means) / steps, output)
 
-    return Descent[Trial, Point](
+    return Descent[Trial, NormalEquations](
         try_at=lambda point: try_at(problem, point, lift, smooth),
         linearise=linearise,
         step=lambda point, at, damping: _step(problem, point, at, damping),
@@ -341,7 +341,7 @@ def lift_at(problem: Problem, z: Array, cut: float = LIFT_CUT, known: ChainOutpu
     return lift_modes(problem.data[0], output, problem.values(z, 0)[0], cut=cut)
 
 
-def _step(problem: Problem, point: Point, z: Array, damping: float) -> tuple[Array, float]:
+def _step(problem: Problem, point: NormalEquations, z: Array, damping: float) -> tuple[Array, float]:
     """Return a damped step within bounds [SI] and how much chi-square it promises."""
     steps, (lower, upper) = problem.steps, problem.bounds
     more, first = np.full(z.size, 1e-9), problem.n_nonlinear

@@ -15,7 +15,7 @@ from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.valve import SEAT_FLOW
 from camtorque.records import Array, Mask, ReadOnly
 
-STATED = 10.0
+STATED_VALUES = 10.0
 """Values that the stated variance of a residual is worth: it is known to within half."""
 LEAST_FREEDOM = INDEPENDENT / 3.0
 """Degrees of freedom that are counted at least, where parameters and lift correction nearly fill the revolution."""
@@ -85,12 +85,12 @@ def narrowed(cov: Covariance, solution: Solution) -> Covariance:
     """Return a covariance whose residual counts as what it is where it is smaller than its weights state.
 
     Scatter that is not one value over `CORRELATION` degrees makes weights too careful, and a small residual may be
-    luck: what they state counts as `STATED` values beside the residual's own (an inverse chi-square prior). A larger
+    luck: what they state counts as `STATED_VALUES` beside the residual's own (an inverse chi-square prior). A larger
     residual says that laws are missing, which `covariance` takes care of. A search goes by the weights.
     """
     if cov.inflation > 1.0:
         return cov
-    scale = min((STATED + solution.data_chi_square) / (STATED + cov.freedom), 1.0)
+    scale = min((STATED_VALUES + solution.data_chi_square) / (STATED_VALUES + cov.freedom), 1.0)
     return _scaled(solution, cov.prior_std, scale, cov.freedom)
 
 

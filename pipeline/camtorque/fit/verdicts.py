@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camtorque.fit.changes import ALWAYS, CHANGES, TOLD, Attribution, Hypothesis, mixture, two_ln_odds
-from camtorque.fit.pair import Pair
+from camtorque.fit.changes import ALWAYS, CHANGES, TOLD, Attribution, EventSetPosterior, mixture, two_ln_odds
+from camtorque.fit.derived import work_at
+from camtorque.fit.pair import TwoRecordings
 from camtorque.fit.uncertainty import COVERAGE
-from camtorque.fit.work import work_at
 from camtorque.laws import GROUPS
 from camtorque.laws.chain import coefficients_of
 from camtorque.records import Array
@@ -25,7 +25,7 @@ SEEN = 4.3
 SURE = 2.6
 MATTERS = 1.0
 """Size that matters, in steps of a parameter."""
-LOSSES: dict[str, tuple[str, ...]] = {**GROUPS, "pressure": ()}
+BALANCE_LOSSES: dict[str, tuple[str, ...]] = {**GROUPS, "pressure": ()}
 """Loss of the energy balance -> parameters that it vanishes or moves with."""
 SMALL_LOSS = 0.05
 """Change of a loss that matters, as a share of the larger of the loss and a hundredth of the input."""
@@ -82,7 +82,7 @@ def whole_verdict(rows: Sequence[Difference], found: Attribution) -> str:
     return "not changed" if kinds == {"not changed"} else "cannot tell"
 
 
-def parameter_differences(pair: Pair, found: Attribution) -> tuple[Difference, ...]:
+def parameter_differences(pair: TwoRecordings, found: Attribution) -> tuple[Difference, ...]:
     """Return every parameter that belongs to the pump and may differ."""
     result = []
     for j, name in enumerate(found.names):
@@ -120,11 +120,11 @@ def common_attributions(found: Sequence[Attribution]) -> tuple[Attribution, ...]
     return tuple(result)
 
 
-def _within(hypotheses: Sequence[Hypothesis], groups: tuple[str, ...]) -> Hypothesis:
+def _within(hypotheses: Sequence[EventSetPosterior], groups: tuple[str, ...]) -> EventSetPosterior:
     """Return a set, or where it was not worth fitting the best of its parts, with the odds of what it adds."""
     parts = [item for item in hypotheses if set(item.groups) <= set(groups)]
 
-    def score(item: Hypothesis) -> float:
+    def score(item: EventSetPosterior) -> float:
         return item.two_ln_evidence + two_ln_odds([name for name in groups if name not in item.groups])
 
     exact = [item for item in parts if item.groups == groups]
@@ -151,19 +151,19 @@ def _alone(found: Attribution, name: str) -> bool:
     return any(len(CHANGES[g]) == 1 or g == "temperature" for g in found.best if name in CHANGES[g])
 
 
-def works(pair: Pair, values: Array, side: int) -> dict[str, float]:
+def works(pair: TwoRecordings, values: Array, side: int) -> dict[str, float]:
     """Return the work of each loss of one recording at values of the free parameters, (k,) [J per revolution]."""
     full = pair.values(values)
     return work_at(pair.items[side].chain, full, coefficients_of(full))
 
 
-def loss_differences(pair: Pair, found: Attribution) -> tuple[Difference, ...]:
+def loss_differences(pair: TwoRecordings, found: Attribution) -> tuple[Difference, ...]:
     """Return the losses with the differences that their parameters' differences make."""
     base, after = works(pair, found.state.before, 0), works(pair, found.state.after, 1)
     slopes = _slopes(pair, found, after)
     total = sum(base.values())
     result = []
-    for name, members in LOSSES.items():
+    for name, members in BALANCE_LOSSES.items():
         slope = slopes[name]
         std = float(np.sqrt(np.maximum(slope @ found.covariance @ slope, 0.0)))
         free = float(np.sqrt(np.sum((slope * found.free_std) ** 2)))
@@ -179,15 +179,15 @@ def loss_differences(pair: Pair, found: Attribution) -> tuple[Difference, ...]:
     return tuple(result)
 
 
-def _slopes(pair: Pair, found: Attribution, after: Mapping[str, float]) -> Mapping[str, Array]:
+def _slopes(pair: TwoRecordings, found: Attribution, after: Mapping[str, float]) -> Mapping[str, Array]:
     """Return the derivative of each loss by the differences, (m,) [J per SI]; ``after``: losses of the second."""
-    slopes = {name: np.zeros(len(found.names)) for name in LOSSES}
+    slopes = {name: np.zeros(len(found.names)) for name in BALANCE_LOSSES}
     for j, parameter in enumerate(found.names):
         k = pair.names.index(parameter)
         step = 0.1 * pair.items[1].rows[parameter].step
         moved = found.state.after.copy()
         moved[k] += step
         shifted = works(pair, moved, 1)
-        for name in LOSSES:
+        for name in BALANCE_LOSSES:
             slopes[name][j] = (shifted[name] - after[name]) / step
     return slopes

@@ -5,7 +5,7 @@ transducer shows, behind its low-pass, is
 
     T_ripple = R_c cos(n theta) + R_s sin(n theta)
 
-with n the order that the base circle shows (`camtorque.fit.ripple_order`), theta the angle of uniform running: a drive
+with n the order that the base circle shows (`fit.prepare`), theta the angle of uniform running: a drive
 runs evenly against its cam. It does no work.
 """
 

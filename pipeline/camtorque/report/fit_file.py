@@ -48,9 +48,9 @@ def campaign_fit_document(result: CampaignResult) -> dict[str, Any] | None:
         modes = {mode: left.get((name, mode)) for mode in ("own_zero_and_end", "blind")}
         rows.append({**row, "left_out_rms_percent": modes})
     document = _document(joint.free, joint.values, *_told(joint.free, rows, joint.covariance), rows)
-    if joint.shown is not None:
+    if joint.residual_covariance is not None:  # under the key by which files of earlier versions are read, too
         owns: list[dict[str, Any]] = [{} for _ in rows]
-        std, correlation = _told(joint.free, owns, joint.shown)
+        std, correlation = _told(joint.free, owns, joint.residual_covariance)
         document["shown"] = {"stderr": std.tolist(), "correlation": correlation.tolist(), "recordings": owns}
     lift = joint.lift
     document["lift_correction"] = {

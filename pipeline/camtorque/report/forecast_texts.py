@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from camtorque.fit.clearance import CLEARANCE
-from camtorque.fit.end_shape import Curve
 from camtorque.fit.endings import EITHER
-from camtorque.fit.forecast import Forecast
+from camtorque.fit.forecast import CLEARANCE, Forecast
+from camtorque.fit.known_ends import Curve
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.uncertainty import COVERAGE
 from camtorque.records import Estimate

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camtorque.fit.metrics import parts_of_gap
-from camtorque.fit.work import ANGLE, CHAMBER, line_pressure_torque
+from camtorque.fit.derived import ANGLE, CHAMBER, line_pressure_torque
+from camtorque.fit.residual import parts_of_gap
 from camtorque.records import Array
 from camtorque.report.bundle import RunResult
 

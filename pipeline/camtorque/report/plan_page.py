@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from camtorque.fit.next_run import TOOTH
+from camtorque.fit.planning import TOOTH
 from camtorque.report.chart import HALF, Curves, Line, Marks, Panel, RowPanel, Rows
 from camtorque.report.drawings import drawing_of
 from camtorque.report.files import write_json, write_page

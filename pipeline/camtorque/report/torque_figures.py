@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from camtorque.fit.metrics import stroke_masks
+from camtorque.fit.residual import stroke_masks
 from camtorque.records import Array
 from camtorque.report.bundle import RunResult
 from camtorque.report.chart import CAM_ANGLE, HALF, Band, Curves, Line, Panel, Span

@@ -1,4 +1,9 @@
-"""Valleys along the trigger angle and a stiff shaft's compliance: the best minimum with it held aside, and how wide.
+"""Valleys of the residual beside the best minimum: those that no small step leads to, and the bent one that it lies in.
+
+An outlet that opens again at the edge of the land or on the base circle, a suction valve that is there or not, a valve
+that retracts much or hardly anything, a shaft that yields or is stiff: each is a valley of its own, and where a search
+ends up in the wrong one a sum in another order may decide. Turned round one at a time, with all else where it is, they
+cost a descent each.
 
 Trigger angle, friction and drive trade against one another along a bent valley of the residual. Its curvature at one
 point tells neither its width nor whether a deeper place lies further on, so it is walked: the angle is held, all else
@@ -12,21 +17,38 @@ looks narrow where the compliance is at its bound.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from camtorque.fit.descent import Effort
-from camtorque.fit.minima import Candidate, Halves, at_minimum
-from camtorque.fit.problem import with_rows
+from camtorque.fit.minima import Candidate, Halves, at_minimum, beside
+from camtorque.fit.problem import FitData, with_rows, with_starts
+from camtorque.fit.search import UNSURE
+from camtorque.fit.starts import ringing_alike
 from camtorque.fit.uncertainty import covariance
 from camtorque.process.second_process import in_two
 from camtorque.records import Array, ReadOnly
 from camtorque.units import DEGREE
 
-ANGLE = "trigger_offset"
+WAYS: dict[str, tuple[float, float]] = {
+    "outlet_return": (0.0, 1.0), "suction_area": (0.0, 10.0e-6), "retraction_volume": (1.0e-9, 20.0e-9),
+    "valve_damping": (1.0e3, 12.0e3), "valve_mass": (1.5e6, 12.0e6), "valve_area": (1.5e-6, 6.0e-6),
+    "valve_exposure": (0.2, 0.9), "line_inertance": (0.0, 18.0e6), "free_air": (0.0, 6.0e-3),
+    "drive_bandwidth": (1.5, 5.5), "valve_spring": (3.0e12, 4.0e13),
+}  # fmt: skip
+"""Parameter -> the two ends between which it is turned [SI], each well inside what literature has of it."""
+SHAFTS, CAM_SIDES = (15.0e-6, 150.0e-6), (1.5, 4.0)
+"""Compliances between which the shaft is turned [rad/(N m)], the cam's side then so many times the sheet's cam."""
+OCTAVES = (0.5, 2.0)
+"""Factors at which the coupling's frequency is tried."""
+TOO_LIGHT = 1.0
+"""Chi-square of a light cam's side (`Candidate.light_cam_penalty`) from which shafts that ring alike are tried."""
+GAINED, GAINED_SHARE, TURNED_AGAIN = 0.5, 0.03, 6
+"""What a minimum has to gain, and as a share of chi-square; how often all is turned once more from the one that did."""
+TRIGGER_ANGLE = "trigger_offset"
 COMPLIANCE = "shaft_compliance"
 HELD = 1.0e-9
 """Standard deviation of what is held [rad], [rad/(N m)]."""
@@ -39,8 +61,61 @@ STIFF, FACTOR, MOST_FACTORS = 2.0, 2.0, 7
 that factor a step, in so many steps at most."""
 WALKED = 9.0
 """Rise of chi-square at which a walk ends: three standard deviations."""
-DEEPER, GAINED = 1.0, 0.5
-"""Fall of chi-square on the walk from which a minimum is sought there, and what that has to gain."""
+DEEPER = 1.0
+"""Fall of chi-square on the walk from which a minimum is sought there; it has to gain `GAINED`."""
+HeldValue = tuple[float, float, Candidate]
+"""Value that was held [SI], chi-square there with the priors, and the fit."""
+
+
+def starts_turned_round(best: Candidate) -> list[FitData]:
+    """Return starts with one thing the other way round where doubt is left, and heavier cams where one is asked for."""
+    data, found = best.data, []
+    if best.left_to_explain > UNSURE:
+        found = [{name: other_end(data, name, ends)} for name, ends in WAYS.items() if best.problem.index(name) >= 0]
+        found += driveline_turned(data)
+    if best.light_cam_penalty > TOO_LIGHT:
+        found += ringing_alike(data)
+    return [with_starts(data, values) for values in found]
+
+
+def other_end(data: FitData, name: str, ends: tuple[float, float]) -> float:
+    """Return the end that a parameter is farther from."""
+    low, high = ends
+    value = data.rows[name].start
+    return high if abs(value - low) < abs(value - high) else low
+
+
+def driveline_turned(data: FitData) -> list[dict[str, float]]:
+    """Return a stiff shaft for one that yields, or the other way, with likely cams, and the coupling an octave off."""
+    yielding = other_end(data, "shaft_compliance", SHAFTS)
+    inertias = data.chain.pump.cam_inertia * np.array(CAM_SIDES)
+    shafts = [
+        {"shaft_compliance": yielding, "shaft_resonance": float(1.0 / np.sqrt(yielding * inertia))}
+        for inertia in inertias
+    ]
+    swings = data.rows["coupling_resonance"].start
+    return [*shafts, *({"coupling_resonance": swings * factor} for factor in OCTAVES)]
+
+
+def turned_round(minima: Sequence[Candidate], halves: Halves) -> list[Candidate]:
+    """Return minima, the best one first, with those reached by turning things round one at a time, again from the best.
+
+    All are minima on the fine grid, judged.
+    """
+    found = [minima[0]]
+    for _ in range(TURNED_AGAIN):
+        before = found[0]
+        effort = replace(beside(before.value), basin=before.basin)
+        follow = partial(at_minimum, effort=effort, lift=before.solution.lift)
+        ends = in_two(partial(halves.minimum, follow), starts_turned_round(before))
+        others = (end for end in ends if end and not before.basin.holds(end.solution))
+        found = sorted([*found, *others], key=lambda item: item.value)
+        if found[0] is before:
+            break
+        found[0] = halves.again(found[0])
+        if found[0].value > before.value - max(GAINED, GAINED_SHARE * before.value):
+            break
+    return sorted([*found, *minima[1:]], key=lambda item: item.value)
 
 
 @dataclass(frozen=True)
@@ -68,13 +143,11 @@ class Valley(ReadOnly):
         return float(np.sqrt(np.sum(weight * (between - self.at) ** 2) / np.sum(weight)))
 
 
-Point = tuple[float, float, Candidate]
-"""Value that was held [SI], chi-square there with the priors, and the fit."""
 NO_VALLEY = Valley(np.zeros(0), np.zeros(0), np.zeros(0), float("nan"))
 """Of a minimum that nobody walked from."""
 
 
-def swept(best: Candidate, halves: Halves) -> tuple[Candidate, Valley]:
+def profile_trigger_angle(best: Candidate, halves: Halves) -> tuple[Candidate, Valley]:
     """Return the deepest minimum of the valley that a minimum lies in, and the valley.
 
     ``best`` is a minimum on the fine grid, judged.
@@ -84,12 +157,12 @@ def swept(best: Candidate, halves: Halves) -> tuple[Candidate, Valley]:
         deepest = min(points, key=lambda point: point[1])
         if deepest[1] > best.value - DEEPER:
             break
-        prior = best.data.rows[ANGLE].prior
-        freed = halves.minimum(at_minimum, with_rows(deepest[2].data, {ANGLE: {"prior": prior}}))
+        prior = best.data.rows[TRIGGER_ANGLE].prior
+        freed = halves.minimum(at_minimum, with_rows(deepest[2].data, {TRIGGER_ANGLE: {"prior": prior}}))
         if freed is None or freed.value > best.value - GAINED:
             break
         best = freed
-    return best, _valley(best, ANGLE, points)
+    return best, _valley(best, TRIGGER_ANGLE, points)
 
 
 def softer_shaft(best: Candidate, halves: Halves) -> Candidate | None:
@@ -113,15 +186,15 @@ def softer_shaft(best: Candidate, halves: Halves) -> Candidate | None:
     return next((end for _, _, end in _held(nearest, halves, COMPLIANCE, np.array([softer]))), None)
 
 
-def _valley(best: Candidate, name: str, points: list[Point]) -> Valley:
+def _valley(best: Candidate, name: str, points: list[HeldValue]) -> Valley:
     places, values = np.array([point[:2] for point in points]).T
-    of_data = np.array([end.solution.data_chi_square + end.unseen for _, _, end in points])
+    of_data = np.array([end.solution.data_chi_square + end.holdout_penalty for _, _, end in points])
     return Valley(places, of_data, values - of_data, float(best.solution.z[best.problem.index(name)]))
 
 
-def _walked(best: Candidate, halves: Halves) -> list[Point]:
+def _walked(best: Candidate, halves: Halves) -> list[HeldValue]:
     """Return all points in order."""
-    index = best.problem.index(ANGLE)
+    index = best.problem.index(TRIGGER_ANGLE)
     cov = covariance(best.problem, best.solution)
     std = float(cov.std[index])
     step = min(max(STEP_SHARE * std, STEPS_DEG[0] * DEGREE), STEPS_DEG[1] * DEGREE)
@@ -131,7 +204,7 @@ def _walked(best: Candidate, halves: Halves) -> list[Point]:
     return sorted(points, key=lambda point: point[0])
 
 
-def _until_risen(points: Iterable[Point], least: float, rise: float) -> list[Point]:
+def _until_risen(points: Iterable[HeldValue], least: float, rise: float) -> list[HeldValue]:
     """Return points up to the first whose chi-square is that far above the least of them and what was the least."""
     kept = []
     for point in points:
@@ -142,15 +215,15 @@ def _until_risen(points: Iterable[Point], least: float, rise: float) -> list[Poi
     return kept
 
 
-def _one_way(best: Candidate, halves: Halves, rise: float, step: float) -> list[Point]:
+def _one_way(best: Candidate, halves: Halves, rise: float, step: float) -> list[HeldValue]:
     """Return steps away from a minimum until chi-square has risen."""
-    row = best.data.rows[ANGLE]
-    places = float(best.solution.z[best.problem.index(ANGLE)]) + step * np.arange(1.0, MOST_STEPS + 1.0)
+    row = best.data.rows[TRIGGER_ANGLE]
+    places = float(best.solution.z[best.problem.index(TRIGGER_ANGLE)]) + step * np.arange(1.0, MOST_STEPS + 1.0)
     inside = places[(row.lower <= places) & (places <= row.upper)]
-    return _until_risen(_held(best, halves, ANGLE, inside), best.value, rise)
+    return _until_risen(_held(best, halves, TRIGGER_ANGLE, inside), best.value, rise)
 
 
-def _held(best: Candidate, halves: Halves, name: str, places: Array) -> Iterator[Point]:
+def _held(best: Candidate, halves: Halves, name: str, places: Array) -> Iterator[HeldValue]:
     """Yield fits with a parameter held, each from the one before, with the lift correction of the minimum."""
     mean, std = best.data.rows[name].prior or (0.0, np.inf)
     item = best.data

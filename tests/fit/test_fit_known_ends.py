@@ -7,11 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from camtorque.fit.arrow import ArrowCovariance
-from camtorque.fit.draws import draws
-from camtorque.fit.end_shape import Curve
-from camtorque.fit.ends import LEAST_STD, load_for
-from camtorque.fit.firm_end import END_OF, WIDTHS_OF, EndTradeOff, trade_offs_of
-from camtorque.fit.known_fit import FittedAt, KnownFit
+from camtorque.fit.endings import LEAST_STD, load_for
+from camtorque.fit.known_ends import END_OF, WIDTHS_OF, Curve, EndTradeOff, trade_offs_of
+from camtorque.fit.known_fit import FittedAt, KnownFit, draws
 
 THETA = np.linspace(0.0, 2.0 * np.pi, 1800, endpoint=False)
 CHAIN = SimpleNamespace(

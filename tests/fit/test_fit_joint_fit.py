@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from camtorque.fit.joint import joint_fit_of, solve_joint
+from camtorque.fit.joint_fit import other_kind_at, with_likelier_pin
 from camtorque.fit.joint_input import joint_input
-from camtorque.fit.joint_pin import other_kind_at, with_likelier_pin
 from camtorque.fit.joint_solver import solve_many
-from camtorque.fit.pin import ARM, BUSH, BUSHES, other_kind
+from camtorque.fit.kinds import ARM, BUSH, BUSHES, other_kind
 from camtorque.fit.problem import build_problem, started_at, with_rows
 from camtorque.fit.single import PIN
 from camtorque.laws import ROWS

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from camtorque.fit.metrics import metrics, stroke_masks
-from camtorque.fit.residual import block_cross_validation
+from camtorque.fit.residual import block_cross_validation, metrics, stroke_masks
 from camtorque.fit.uncertainty import covariance
 from fit_cases import quick
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from camtorque.fit import pin
+from camtorque.fit import kinds
 from camtorque.fit.joint_input import with_common_rows
-from camtorque.fit.pin import ARM, BUSH, log_odds, of_most, pin_decided
+from camtorque.fit.kinds import ARM, BUSH, log_odds, of_most, pin_decided
 from camtorque.fit.problem import with_rows
 from camtorque.fit.single import PIN, FitOptions, fit_prepared
 from camtorque.laws import ROWS
@@ -60,7 +60,7 @@ def test_the_other_kind_widens_what_it_moves(bushed):
 
 def test_a_fit_that_ends_nowhere_decides_nothing(monkeypatch):
     best = quick(NEEDLES)
-    monkeypatch.setattr(pin, "_in_bush", lambda halves, item: None)
+    monkeypatch.setattr(kinds, "_in_bush", lambda halves, item: None)
     assert pin_decided([best], quick_halves(NEEDLES)) == ([best], None)
 
 
@@ -75,14 +75,14 @@ def test_odds_that_overflow_decide_nothing(monkeypatch):
         raise np.linalg.LinAlgError
 
     best = quick(NEEDLES)
-    monkeypatch.setattr(pin, "laplace", overflowing)
+    monkeypatch.setattr(kinds, "laplace", overflowing)
     assert log_odds(best, best) is None
     assert pin_decided([best], quick_halves(NEEDLES)) == ([best], None)
 
 
 def test_two_fits_alike_are_as_likely_as_benches_are():
     best = quick(NEEDLES)
-    assert log_odds(best, best) == pytest.approx(np.log(pin.BUSHES / (1.0 - pin.BUSHES)))
+    assert log_odds(best, best) == pytest.approx(np.log(kinds.BUSHES / (1.0 - kinds.BUSHES)))
 
 
 @pytest.mark.parametrize(("bushes", "prior"), [(0, ROWS[ARM].prior), (1, ROWS[ARM].prior), (2, BUSH["prior"])])
