@@ -55,13 +55,13 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
 
 def channels(path: Path) -> tuple[FileChannel, ...]:
     """List the channels that hold numbers, rates as the times of their group say."""
-    found = []
+    found: list[FileChannel] = []
     with _opened(path) as mdf:
         for _, _, (group, number, index) in _held(mdf):
             if mdf.groups[number].channel_group.cycles_nr and index != mdf.masters_db.get(number):
                 with suppress(Refusal):
-                    found.append(_stored(path, mdf, group, number, index))
-    return listing_of(found)
+                    found += listing_of([_stored(path, mdf, group, number, index)])
+    return tuple(found)
 
 
 @contextmanager
