@@ -15,7 +15,8 @@ from camtorque import __version__, cli
 from camtorque.align import align
 from camtorque.align.options import LARGEST_GRID as LARGEST_ALIGNED
 from camtorque.commands import COMMANDS, Outcome, campaign, check, options, run, texts
-from camtorque.commands.arguments import LARGEST_GRID, LEAST_GRID, SHELLS
+from camtorque.commands.arguments import FASTEST_RPM, LARGEST_GRID, LEAST_GRID, SHELLS
+from camtorque.config.schemas import CAM_SPEED
 from camtorque.fit.prepare import mean_cycles
 from camtorque.ingest import read_recording
 from camtorque.laws.chain import BINS
@@ -452,3 +453,7 @@ def test_every_command_keeps_the_numerical_libraries_on_one_thread(monkeypatch: 
 
 def test_the_grid_is_within_what_fit_and_alignment_need() -> None:
     assert (LEAST_GRID, LARGEST_GRID) == (BINS, LARGEST_ALIGNED)
+
+
+def test_the_command_line_knows_the_fastest_cam_of_recordings() -> None:
+    assert CAM_SPEED.high == FASTEST_RPM

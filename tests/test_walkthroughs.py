@@ -55,7 +55,7 @@ assert align(recording).speed.size == 21
 assert main(["new", "r/DAQ1.wav", "--out", "n"]) == 0
 assert "DAQ1.wav" in Path("n/recording.toml").read_text()
 toml.write_text(text.replace('channel = "3"', 'channel = "7"'))
-with pytest.raises(Refusal, match="found no channel '7', expected one of 1, 2, 3"):
+with pytest.raises(Refusal, match="no channel '7'; there are 1, 2, 3"):
     read_recording(folder)
 (folder / "DAQ1.wav").write_bytes(b"RIFF" + bytes(60))
 with pytest.raises(Refusal, match="cannot be read as WAV"):

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from camtorque.config import ChannelSpec, LoggerSpec, RecordingConfig, TriggerSpec
 from camtorque.config.pump import PumpConfig
+from camtorque.config.schemas import CAM_SPEED, SENSOR_DELAY, SWITCH_DELAY
 from camtorque.ingest.plausibility import check_loads
 from camtorque.ingest.pump_file import read_pump
 from camtorque.ingest.raw import ArraySource
@@ -28,8 +29,8 @@ WHOLE_TURN_DEG = 360.0
 WIDE_GAIN_STD, WIDE_ZERO_SHARE, WIDE_DELAY_STD = 0.01, 0.005, 5.0e-5
 """Of a sensor without a sheet: relative gain, zero as a share of the largest reading, delay [s]. A transducer of class
 1 with a certificate stays within half of the first two; the third is half a sample at 10 kHz."""
-MOST_GAIN_STD, MOST_DELAY, MOST_ORDER = 0.5, 0.1, 20
-"""Relative gain [-], delay [s] and order of a filter beyond which a number is a slip of unit."""
+MOST_GAIN_STD, MOST_ORDER = 0.5, 20
+"""Relative gain [-] and order of a filter beyond which a number is a slip of unit."""
 TABLE_ANGLES = 720
 """Angles at which a cam that is given by sections is tabulated: every half degree."""
 
@@ -57,8 +58,8 @@ class Sensor:
     def __post_init__(self) -> None:
         _within(self.gain_std, 0.0, MOST_GAIN_STD, "Sensor gain_std")
         _within(0.0 if self.zero_std is None else self.zero_std, 0.0, np.inf, "Sensor zero_std")
-        _within(0.0 if self.delay is None else self.delay, 0.0, MOST_DELAY, "Sensor delay [s]")
-        _within(self.delay_std, 0.0, MOST_DELAY, "Sensor delay_std [s]")
+        _within(0.0 if self.delay is None else self.delay, SENSOR_DELAY.low, SENSOR_DELAY.high, "Sensor delay [s]")
+        _within(self.delay_std, SENSOR_DELAY.low, SENSOR_DELAY.high, "Sensor delay_std [s]")
         if not np.isnan(self.cutoff_hz):
             _positive(self.cutoff_hz, "Sensor cutoff_hz")
         _within(self.filter_order, 0, MOST_ORDER, "Sensor filter_order")
@@ -80,10 +81,10 @@ class Mark:
     speed_rpm: float
 
     def __post_init__(self) -> None:
-        _positive(self.speed_rpm, "speed_rpm")
+        _within(self.speed_rpm, CAM_SPEED.low, CAM_SPEED.high, "speed_rpm")
         _within(self.angle_deg, -WHOLE_TURN_DEG, WHOLE_TURN_DEG, "trigger_angle_deg")
         _within(self.tolerance_deg, 0.0, WHOLE_TURN_DEG / 2.0, "trigger_tolerance_deg")
-        _within(self.delay, 0.0, MOST_DELAY, "trigger_delay [s]")
+        _within(self.delay, SWITCH_DELAY.low, SWITCH_DELAY.high, "trigger_delay [s]")
 
 
 def recording_from_arrays(

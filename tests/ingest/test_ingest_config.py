@@ -121,7 +121,7 @@ def test_a_wrong_type_is_refused(tmp_path: Path, line: str):
         ('clock = "single"', 'clock = "singel"', "did you mean 'single'"),
         ('quantity = "trigger"', 'quantity = "triger"', "did you mean 'trigger'"),
         ('logger = "DAQ1"', 'logger = "DAQ2"', "found 'DAQ2'"),
-        ("nominal_speed_rpm = 600.0", "nominal_speed_rpm = nan", "expected a number from 1 to 60000 rpm"),
+        ("nominal_speed_rpm = 600.0", "nominal_speed_rpm = nan", "expected a number from 1 to 30000 rpm"),
         ("pulses_per_rev = 1", "pulses_per_rev = 1.5", "expected a whole number"),
         ("pulses_per_rev = 1", "pulses_per_rev = 0", "expected a number from 1 to"),
         ("pulses_per_rev = 1", "pulses_per_rev = 60\nmissing_teeth = 60", "60 of 60 pulses"),

@@ -17,6 +17,7 @@ SHELLS = ("bash", "zsh", "fish")
 LARGEST_TOLERANCE = 0.01
 """The coarsest grid of the speed-accuracy study is off by less than this share of the peak torque."""
 FASTEST_RPM = 30000.0
+"""A test holds it to that of recording.toml."""
 LEAST_GRID, LARGEST_GRID = 600, 36000
 """Points of the angle grid; a test holds the least to what the fit needs."""
 

@@ -26,6 +26,9 @@ STEEL = "from plastics to tungsten carbide"
 SENSE = "amplifiers put out at most 15 V"
 IDLE = "no recording is longer"
 ANGLE = Band(-720.0, 720.0, "two revolutions at most")
+CAM_SPEED = Band(1.0, 30_000.0, "no bench turns a cam faster than some 10000 rpm")
+SENSOR_DELAY = Band(0.0, 2e-3, "amplifiers of this kind take microseconds to 2 milliseconds")
+SWITCH_DELAY = Band(0.0, 5e-3, "proximity switches take microseconds to a few milliseconds")
 
 IDLE_KEYS = (
     Key("idle_from_s", "number", "begin of a stretch at standstill, after a channel's first sample; gives the zero",
@@ -38,8 +41,7 @@ DURATION = Key("duration_s", "number", "how long a log should be; one that diffe
 RECORDING = TableSchema("[recording]", "what was recorded", (
     Key("id", "text", "name of the recording"),
     Key("pump_id", "text", "name of the pump; recordings of one pump are fitted together", default=""),
-    Key("nominal_speed_rpm", "number", "cam speed, roughly", "rpm",
-        band=Band(1.0, 60_000.0, "slower or faster turns no pump")),
+    Key("nominal_speed_rpm", "number", "cam speed, roughly", "rpm", band=CAM_SPEED),
     Key("file_format", "text", "format of the logs; found by their content where left out", default=""),
     Key("csv_dialect", "text", 'a hint such as "semicolon, decimal comma"; the file decides', default=""),
     Key("acquisition", "text", "how it was logged", default="", used=False),
@@ -104,8 +106,7 @@ TRIGGER = TableSchema("[trigger]", "what tells the cam angle", (
         band=Band(1, 100_000, "encoders have fewer lines")),
     Key("level_V", "number", "height of the pulse; the logs tell it", "V", None,
         Band(0.0, 500.0, "sensors give fewer volts"), used=False),
-    Key("switching_delay_typ_s", "number", "delay of the switch", "s", 0.0,
-        Band(0.0, 5e-3, "proximity switches take microseconds to a few milliseconds"), attribute="switching_delay"),
+    Key("switching_delay_typ_s", "number", "delay of the switch", "s", 0.0, SWITCH_DELAY, attribute="switching_delay"),
     Key("missing_teeth", "whole", "teeth left out at the mark of a tooth wheel", default=0,
         band=Band(0, 1000, "a mark has fewer teeth"), own=True),
     Key("double_tooth", "flag", "one extra tooth marks the revolution", default=False, own=True),
@@ -147,8 +148,7 @@ SHEET_KEYS = (
     Key("filter", "text", 'kind and order, such as "low-pass, 4th order, Bessel"', default=""),
     Key("natural_frequency_hz", "number", "of the sensing element", "hz", None,
         Band(1.0, 1e9, "of any sensor"), attribute="natural_frequency_hz"),
-    Key("group_delay_s", "number", "total delay of sensor and amplifier, low-pass included", "s", None,
-        Band(0.0, 2e-3, "amplifiers of this kind take microseconds to 2 milliseconds")),
+    Key("group_delay_s", "number", "total delay of sensor and amplifier, low-pass included", "s", None, SENSOR_DELAY),
     Key("group_delay_note", "text", 'its tolerance, such as "+/-3 %"', default=""),
     Key("zero_tolerance_V", "number", "half width of the zero", "V", None, Band(0.0, 10.0, "of any amplifier")),
     Key("zero_drift_note", "text", 'such as "0.15 % of range"', default=""),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from camtorque.config.keys import Band, Key, TableSchema
+from camtorque.config.schemas import CAM_SPEED
 from camtorque.config.tables import Problems, Table, read_keys
 
 DESIGN_SCHEMA = "camtorque-design/1"
@@ -28,7 +29,7 @@ LIFT = TableSchema("[lift]", "the lobe", (
     Key("return_deg", "number", "angle of the return", "deg", None, Band(1.0, 358.0, "less than a turn")),
 ))  # fmt: skip
 LOAD = TableSchema("[[load]]", "speeds under one pressure over lift", (
-    Key("speed_rpm", "numbers", "cam speeds", "rpm", band=Band(1.0, 60_000.0, "no pump turns so")),
+    Key("speed_rpm", "numbers", "cam speeds", "rpm", band=CAM_SPEED),
     Key("pressure_bar", "number", "pressure while it delivers", "bar", None, Band(0.0, 10_000.0, "no pump bears more")),
     Key("closes_mm", "number", "lift at which the pressure begins to rise", "mm", 0.0, LENGTH),
     Key("spills_mm", "number", "lift at which it begins to fall", "mm", None, LENGTH),

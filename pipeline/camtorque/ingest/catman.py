@@ -9,18 +9,20 @@ from __future__ import annotations
 
 import re
 import struct
+from collections.abc import Container
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.listing import usual_rate
-from camtorque.ingest.raw import FileChannel, FileSource, Piece, RawChannel, RawFile, read_each, refusing
-from camtorque.ingest.stamps import DAY, EPOCHS, Stamps, agreed_rate, read_stamps
+from camtorque.ingest.raw import FileChannel, FileSource, Piece, RawFile, refusing
+from camtorque.ingest.stamps import DAY, EPOCHS
+from camtorque.ingest.stored import Stored, among, listing_of, read_stored
 from camtorque.records import Finding, Refusal
-from camtorque.units import UNITS, did_you_mean, is_known_unit, tidy_unit, unit_factor
+from camtorque.units import is_known_unit
 
 EXTENDED = struct.Struct("<dd hhhh fff 4f 32s 8s 8s hhhh ff hhh bb f b3x f f b".replace(" ", ""))
 EXPORT_BYTES = {0: 8, 1: 4, 2: 2}
@@ -44,34 +46,42 @@ class CatmanChannel:
 
 def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read channels of a catman binary file."""
-    with refusing(path, "catman binary"):
-        headers, sources = _layout(path)
-
-    def one(spec: ChannelSpec) -> tuple[RawChannel, tuple[Finding, ...]]:
-        number = _find(path, headers, spec.channel)
-        header = headers[number]
-        if not header.length:
-            raise Refusal(f"{path}: channel {spec.channel!r} holds no samples")
-        times = _times(path, headers, sources, spec, number)
-        return times.channel(spec.channel, header.unit, sources[number], header.stamp), times.findings
-
-    return read_each(path, "catman binary", specs, one)
+    find = among(path, _stored(path))
+    return read_stored(path, "catman binary", specs, lambda group, name: find("", name))  # the format has no groups
 
 
 def channels(path: Path) -> tuple[FileChannel, ...]:
     """List the channels, rates as their headers or the time channel of their length say."""
+    return listing_of(item for item in _stored(path) if item.source.n_samples and not TIME_NAME.search(item.name))
+
+
+def _stored(path: Path) -> list[Stored]:
+    """Return the channels, with the times that the only time channel of their length holds."""
     with refusing(path, "catman binary"):
         headers, sources = _layout(path)
-    found = []
-    for header, source in zip(headers, sources, strict=True):
-        if header.length and not TIME_NAME.search(header.name):
-            mates = [n for n, h in enumerate(headers) if TIME_NAME.search(h.name) and h.length == header.length]
-            rate = 1.0 / header.time_step if header.time_step > 0.0 else None
-            if len(mates) == 1 and rate is None:
-                unit = UNITS["time"].get(tidy_unit(headers[mates[0]].unit), 1.0)
-                rate = usual_rate(sources[mates[0]], unit)
-            found.append(FileChannel("", header.name, header.unit, header.length, rate, "", source))
-    return tuple(found)
+    held, found = list(zip(headers, sources, strict=True)), []
+    for header, source in held:
+        mates = [(other, times) for other, times in held
+                 if TIME_NAME.search(other.name) and other.length == header.length and other is not header]  # fmt: skip
+        mate, times = mates[0] if len(mates) == 1 else (header, None)
+        where, rate = f"{path.name} {header.name}", 1.0 / header.time_step if header.time_step > 0.0 else None
+        text = "the file holds no times and no rate; the declared rate is used"
+        found.append(Stored(
+            "", header.name, _unit(header), source, rate, times=times, times_unit=_unit(mate),
+            time_beside=partial(_refuse_choice, where, [other.name for other, _ in mates]) if mates else None,
+            dates=((0, header.stamp),), if_untimed=(Finding("no_time_in_file", "info", text, where),),
+        ))  # fmt: skip
+    return found
+
+
+def _unit(header: CatmanChannel) -> str:
+    """Return the unit, but no unknown one of a time: its step tells it."""
+    return header.unit if is_known_unit(header.unit) or not TIME_NAME.search(header.name) else ""
+
+
+def _refuse_choice(where: str, mates: list[str], taken: Container[str]) -> str:
+    shown = ", ".join(mates)
+    raise Refusal(f"{where}: {len(mates)} channels may be its time ({shown}); name it with time_channel")
 
 
 def _layout(path: Path) -> tuple[list[CatmanChannel], list[FileSource]]:
@@ -158,38 +168,3 @@ def _source(file: BinaryIO, path: Path, header: CatmanChannel, position: int, si
 
     kind = np.dtype("<u2" if header.width == 2 else f"<f{header.width}")
     return FileSource(path, (Piece(0, header.length, position, kind, kind.itemsize),), scale), end
-
-
-def _find(path: Path, headers: list[CatmanChannel], name: str) -> int:
-    names = [header.name for header in headers]
-    if names.count(name) != 1:
-        what = "no channel" if name not in names else f"{names.count(name)} channels"
-        raise Refusal(f"{path}: {what} {name!r}{did_you_mean(name, tuple(names))}; there are {', '.join(names)}")
-    return names.index(name)
-
-
-def _times(
-    path: Path, headers: list[CatmanChannel], sources: list[FileSource], spec: ChannelSpec, number: int
-) -> Stamps:
-    """Return the time base: the named time channel, the only one of this length, else the step in the header."""
-    where = f"{path.name} {spec.channel}"
-    length = headers[number].length
-    mates = [n for n, h in enumerate(headers) if TIME_NAME.search(h.name) and h.length == length and n != number]
-    if spec.time_channel:
-        mates = [_find(path, headers, spec.time_channel)]
-    if len(mates) > 1:
-        shown = ", ".join(headers[n].name for n in mates)
-        raise Refusal(f"{where}: {len(mates)} channels may be its time ({shown}); name it with time_channel")
-    if not mates:
-        step = headers[number].time_step
-        if not step > 0.0:
-            text = "the file holds no times and no rate; the declared rate is used"
-            note = Finding("no_time_in_file", "info", text, where)
-            return Stamps(spec.start_time or 0.0, spec.sample_rate, findings=(note,))
-        rate, findings = agreed_rate(1.0 / step, spec.sample_rate, where, "the channel header says")
-        return Stamps(spec.start_time or 0.0, rate, findings=findings)
-    mate = headers[mates[0]]
-    if mate.length != length:
-        raise Refusal(f"{where}: {mate.length} times in {mate.name!r} for {length} samples")
-    factor = unit_factor(mate.unit, "time", f"{path.name} {mate.name}") if is_known_unit(mate.unit) else 1.0
-    return read_stamps(sources[mates[0]], spec.sample_rate, where, to_seconds=factor)

@@ -5,10 +5,12 @@ The rate is an attribute of the data set, its group or the file; or the times ar
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
+from dataclasses import replace
 from datetime import UTC, datetime
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +18,11 @@ import h5py
 import numpy as np
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.columns import time_beside, times_beside
+from camtorque.ingest.columns import time_beside
 from camtorque.ingest.hdf5_heaps import check_chunks, check_heaps
-from camtorque.ingest.header import column_number, numbered_name, time_unit
-from camtorque.ingest.listing import with_times
-from camtorque.ingest.raw import CallSource, FileChannel, RawChannel, RawFile, read_each, refusing
-from camtorque.ingest.stamps import agreed_rate
+from camtorque.ingest.header import column_number, numbered_name
+from camtorque.ingest.raw import CallSource, FileChannel, RawFile, refusing
+from camtorque.ingest.stored import Stored, listing_of, read_stored
 from camtorque.ingest.zlib_check import refuse_bomb
 from camtorque.records import Finding, Refusal
 from camtorque.units import did_you_mean
@@ -53,13 +54,19 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read channels of an HDF5 file in slices."""
     check_heaps(path)
     with refusing(path, "HDF5"), h5py.File(path, "r") as file:
-        return read_each(path, "HDF5", specs, lambda spec: _channel(file, path, spec, specs))
+
+        def find(group: str, name: str) -> Stored:
+            data, field = _find(file, path, group, name)
+            item = _stored(path, data, field, (group, name), _attributes(data, _rates_in(data.parent)))
+            return item if field else replace(item, findings=_scale_findings(path, data))
+
+        return read_stored(path, "HDF5", specs, find)
 
 
 def channels(path: Path) -> tuple[FileChannel, ...]:
     """List the data sets that hold one number per sample, rates as their attributes or times say."""
     check_heaps(path)
-    found: list[FileChannel] = []
+    found: list[Stored] = []
     with refusing(path, "HDF5"), h5py.File(path, "r") as file:
         names = _data_sets(file)
         rates_in = cache(lambda group: _rates_in(file[group]))  # once a group of maybe thousands
@@ -67,23 +74,37 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
             data = file[name]
             if name.startswith("#") or OBJECT_MARK in data.attrs:
                 continue  # MATLAB keeps objects below names that begin so
-            members = columns_of(data)
-            if sum(size != 1 for size in data.shape) != 1 and not members:
+            if sum(size != 1 for size in data.shape) != 1 and not columns_of(data):
                 continue
             group, _, last = name.rpartition("/")
             attributes = _attributes(data, rates_in(group or "/"))
-            rate, step = _first(attributes, RATE_NAMES), _first(attributes, STEP_NAMES)
-            known = float(rate) if rate is not None else 1.0 / float(step) if step else None
-            for field in data.dtype.names or members or ("",):
-                kind = data.dtype[field] if data.dtype.names else data.dtype
-                if kind.kind in KINDS:
-                    source, place = _source(path, data, field), (name, field) if field else (group, last)
-                    found.append(
-                        FileChannel(*place, _unit(attributes, data, field), source.n_samples, known, "", source)
-                    )
+            for field in _fields(data) or ([""] if data.dtype.kind in KINDS else []):
+                found.append(_stored(path, data, field, (name, field) if field else (group, last), attributes))
         if not found:
             raise Refusal(f"{path}: holds no data set of one number per sample; {_kinds(file, names)}")
-    return with_times(found)
+        return listing_of(found)
+
+
+def _stored(
+    path: Path, data: h5py.Dataset, field: str, place: tuple[str, str], attributes: Mapping[str, Any]
+) -> Stored:
+    """Return a channel at a place of the file, with what the attributes say of it."""
+    rate, step = (_first(attributes, names) for names in (RATE_NAMES, STEP_NAMES))
+    if rate is None and step is not None:
+        rate = 1.0 / float(step) if step else math.inf
+    start, date = _first(attributes, START_NAMES), _epoch(_first(attributes, STAMP_NAMES))
+    return Stored(
+        *place, _unit(attributes, data, field), _source(path, data, field), None if rate is None else float(rate),
+        None if start is None else float(start), dates=() if date is None else ((0, date),),
+        time_beside=partial(_time_beside, path, data, field, place[1]) if rate is None else None,
+    )  # fmt: skip
+
+
+def _fields(data: h5py.Dataset) -> list[str]:
+    """Return the fields of a table, or the columns of a matrix, that hold numbers."""
+    if data.dtype.names:
+        return [name for name in data.dtype.names if data.dtype[name].kind in KINDS]
+    return [name for name in columns_of(data) if data.dtype.kind in KINDS]
 
 
 def columns_of(data: Any) -> tuple[str, ...]:
@@ -127,57 +148,14 @@ def _kinds(file: h5py.File, names: list[str]) -> str:
     return f"{shown}; store each channel as a data set of its own, a field of a compound one or a column of a matrix"
 
 
-def _channel(
-    file: h5py.File, path: Path, spec: ChannelSpec, specs: tuple[ChannelSpec, ...]
-) -> tuple[RawChannel, list[Finding]]:
-    data, field = _find(file, path, spec.group, spec.channel)
-    where = f"{path.name} {spec.group}/{spec.channel}"
-    source = _source(path, data, field)
-    if source.n_samples == 0:
-        raise Refusal(f"{path}: data set {data.name} holds no samples")
-    attributes = _attributes(data, _rates_in(data.parent))
-    unit = _unit(attributes, data, field)
-    notes = [] if field else _scale_findings(path, data)
-    stamp = _epoch(_first(attributes, STAMP_NAMES))
-    stated = any(_first(attributes, names) is not None for names in (RATE_NAMES, STEP_NAMES))
-    time_channel = spec.time_channel or ("" if stated else _times(path, data, field, spec, specs))
-    if time_channel:
-        times, time_field = _find(file, path, spec.group, time_channel)
-        time_source = _source(path, times, time_field)
-        if time_source.n_samples != source.n_samples:
-            raise Refusal(f"{path}: {time_source.n_samples} times in {times.name} for {source.n_samples} samples: the "
-                          "file is cut or mixed up")  # fmt: skip
-        told = time_unit(time_channel, _unit(dict(times.attrs), times, time_field))
-        stamps, day = times_beside(time_source, told, spec, where)
-        return stamps.channel(spec.channel, unit, source, stamp or day), [*notes, *stamps.findings]
-    rate, findings = _declared_rate(attributes, spec, where)
-    start = _first(attributes, START_NAMES)
-    start = float(start) if start is not None else float(spec.start_time or 0.0)
-    return RawChannel(spec.channel, unit, source, start, rate, stamp), [*notes, *findings]
-
-
-def _times(path: Path, data: h5py.Dataset, field: str, spec: ChannelSpec, specs: tuple[ChannelSpec, ...]) -> str:
-    """Return the name of the times beside a channel, in its group or in its table; "" where there are none."""
-    taken = {other.channel for other in specs if other.group == spec.group}
+def _time_beside(path: Path, data: h5py.Dataset, field: str, name: str, taken: Container[str]) -> str:
     if field:
-        kinds = {name: (data.dtype[name] if data.dtype.names else data.dtype) for name in
-                 data.dtype.names or columns_of(data)}  # fmt: skip
-        names = [name for name, kind in kinds.items() if kind.kind in KINDS]
-        return time_beside(names, taken, lambda name: _source(path, data, name))
-    sets = {name: item for name, item in data.parent.items() if isinstance(item, h5py.Dataset)}
-    same = [name for name, item in sets.items() if item.size == data.size and item.dtype.kind in KINDS]
-    return time_beside(same, taken, lambda name: _source(path, sets[name], ""))
-
-
-def _declared_rate(attributes: Mapping[str, Any], spec: ChannelSpec, where: str) -> tuple[float, tuple[Finding, ...]]:
-    rate, step = _first(attributes, RATE_NAMES), _first(attributes, STEP_NAMES)
-    if rate is None and step is None:
-        return spec.sample_rate, ()
-    value = float(rate) if rate is not None else 1.0 / float(step) if step else np.inf
-    if not (np.isfinite(value) and value > 0.0):
-        raise Refusal(f"{where}: the sampling rate in the file is {value!r} Hz, expected a number > 0; correct the "
-                      "attribute that states rate or step, or take it out")  # fmt: skip
-    return agreed_rate(value, spec.sample_rate, where, "the attribute in the file says")
+        return time_beside(_fields(data), taken, lambda other: _source(path, data, other))
+    sets = {other: item for other, item in data.parent.items() if isinstance(item, h5py.Dataset)}
+    same = [other for other, item in sets.items() if item.size == data.size and item.dtype.kind in KINDS]
+    found = time_beside(same, taken, lambda other: _source(path, sets[other], ""))
+    group, part, _ = name.rpartition("/")  # a recording may name a path within the group
+    return found and f"{group}{part}{found}"
 
 
 def _find(file: h5py.File, path: Path, group: str, name: str) -> tuple[h5py.Dataset, str]:
@@ -278,7 +256,7 @@ def plain(name: str) -> str:
     return re.sub(r"[ _-]", "", name).lower()
 
 
-def _scale_findings(path: Path, data: h5py.Dataset) -> list[Finding]:
+def _scale_findings(path: Path, data: h5py.Dataset) -> tuple[Finding, ...]:
     """Tell attributes that look like a scale and follow no convention: nobody says whether they are applied already.
 
     Raises
@@ -292,14 +270,14 @@ def _scale_findings(path: Path, data: h5py.Dataset) -> list[Finding]:
     }
     unused = ", ".join(f"{name} = {value:g}" for name, value in numbers.items() if value not in (0.0, 1.0))
     if not unused:
-        return []
+        return ()
     text = (
         f"data set {data.name} holds {data.dtype} and the attribute {unused}, which is not applied: write the values "
         "scaled, or name it scale_factor (and add_offset)"
     )
     if data.dtype.kind in "iu":
         raise Refusal(f"{path}: {text}")
-    return [Finding("scale_not_applied", "warning", text, path.name)]
+    return (Finding("scale_not_applied", "warning", text, path.name),)
 
 
 def _scale(data: h5py.Dataset) -> tuple[float, float]:

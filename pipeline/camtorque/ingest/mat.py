@@ -14,8 +14,8 @@ from camtorque.config import ChannelSpec
 from camtorque.ingest import hdf5
 from camtorque.ingest.formats import first_bytes, is_hdf5
 from camtorque.ingest.header import is_time_name
-from camtorque.ingest.raw import FileChannel, RawFile, read_each, refusing
-from camtorque.ingest.variables import channel_of, is_rate_name, listed, members_of
+from camtorque.ingest.raw import FileChannel, RawFile, refusing
+from camtorque.ingest.variables import is_rate_name, listed, read_variables
 from camtorque.ingest.zlib_check import checked_size
 from camtorque.records import Refusal
 
@@ -36,8 +36,7 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     beside = {name for name in names if is_time_name(name) or is_rate_name(name)}
     with refusing(path, "MATLAB v5"):
         variables = loadmat(str(path), variable_names=sorted(wanted | beside))
-    members = members_of(variables)
-    return read_each(path, "MATLAB v5", specs, lambda spec: channel_of(path, members, spec, names, specs))
+    return read_variables(path, "MATLAB v5", variables, names, specs)
 
 
 def channels(path: Path) -> tuple[FileChannel, ...]:
@@ -48,7 +47,7 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
     names = _variable_names(path, set())
     with refusing(path, "MATLAB v5"):
         variables = loadmat(str(path), variable_names=list(names))
-    found = listed(members_of(variables))
+    found = listed(variables)
     if not found:
         _variable_names(path, {""})
         raise Refusal(f"{path}: holds no variable of one number per sample; {_kinds(variables)}")

@@ -11,7 +11,8 @@ from __future__ import annotations
 import logging
 import re
 import struct
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from datetime import UTC
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -19,22 +20,17 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.listing import usual_rate
 from camtorque.ingest.raw import (
     IN_MEMORY_BYTES,
     ArraySource,
     CallSource,
     FileChannel,
-    RawChannel,
     RawFile,
-    missing_samples,
-    read_each,
     refusing,
 )
-from camtorque.ingest.stamps import read_stamps
+from camtorque.ingest.stored import Stored, chosen, listing_of, read_stored
 from camtorque.ingest.zlib_check import checked_size
-from camtorque.records import Finding, Refusal, SampleSource
-from camtorque.units import did_you_mean
+from camtorque.records import Refusal, SampleSource
 
 MAX_BLOCKS = 2_000_000
 CHAINED = ("DG", "CG", "CN", "DL", "FH", "AT", "EV", "CH")
@@ -50,36 +46,53 @@ Block = tuple[str, tuple[int, ...], int]
 
 def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read channels of an MDF 4 file with the time base of their group."""
-    library = _library()
-    _check(path)
-    with refusing(path, "MDF 4"), library.MDF(path) as mdf:
-        begun = mdf.header.start_time
-        stamp = (begun if begun.tzinfo else begun.replace(tzinfo=UTC)).timestamp()
-        return read_each(path, "MDF 4", specs, lambda spec: _channel(mdf, path, spec, stamp))
+    with _opened(path) as mdf:
+        held = _held(mdf)
+        return read_stored(
+            path, "MDF 4", specs, lambda group, name: _stored(path, mdf, *chosen(path, held, group, name))
+        )
 
 
 def channels(path: Path) -> tuple[FileChannel, ...]:
     """List the channels that hold numbers, rates as the times of their group say."""
-    library = _library()
-    _check(path)
-    found = []
-    with refusing(path, "MDF 4"), library.MDF(path) as mdf:
-        for number, group in enumerate(mdf.groups):
-            cycles = int(group.channel_group.cycles_nr)
-            master = mdf.masters_db.get(number)
-            for index, channel in enumerate(group.channels):
-                if index == master or not cycles:
-                    continue
+    found: list[FileChannel] = []
+    with _opened(path) as mdf:
+        for _, _, (group, number, index) in _held(mdf):
+            if mdf.groups[number].channel_group.cycles_nr and index != mdf.masters_db.get(number):
                 with suppress(Refusal):
-                    times, source = _sources(path, mdf, number, index, cycles)
-                    name = _group_names(group.channel_group)[0]
-                    rate = usual_rate(times)
-                    found.append(FileChannel(name, channel.name, _unit(channel), source.n_samples, rate, "", source))
+                    found += listing_of([_stored(path, mdf, group, number, index)])
     return tuple(found)
 
 
-def _unit(block: Any) -> str:
-    return str(block.unit or getattr(block.conversion, "unit", "") or "")
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    library = _library()
+    _check(path)
+    with refusing(path, "MDF 4"), library.MDF(path) as mdf:
+        yield mdf
+
+
+def _held(mdf: Any) -> list[tuple[list[str], str, tuple[str, int, int]]]:
+    """Return the names of its group and the name of each channel, and by what `_stored` finds it.
+
+    A group is named by its acquisition name and by what stands as text in its comment.
+    """
+    found = []
+    for number, group in enumerate(mdf.groups):
+        comment = re.sub(r"<[^>]*>", " ", str(group.channel_group.comment or "")).split()
+        names = [name for name in (str(group.channel_group.acq_name or ""), " ".join(comment)) if name] or [""]
+        found += [(names, channel.name, (names[0], number, index)) for index, channel in enumerate(group.channels)]
+    return found
+
+
+def _stored(path: Path, mdf: Any, group: str, number: int, index: int) -> Stored:
+    """Return a channel with the times of its group."""
+    channel, cycles = mdf.groups[number].channels[index], int(mdf.groups[number].channel_group.cycles_nr)
+    times, source = _sources(path, mdf, number, index, cycles)
+    begun = mdf.header.start_time
+    stamp = (begun if begun.tzinfo else begun.replace(tzinfo=UTC)).timestamp()
+    unit = str(channel.unit or getattr(channel.conversion, "unit", "") or "")
+    return Stored(group, channel.name, unit, source, times=times, dates=((0, stamp),), declared=cycles)
 
 
 def _library() -> Any:
@@ -91,43 +104,10 @@ def _library() -> Any:
     return asammdf
 
 
-def _channel(mdf: Any, path: Path, spec: ChannelSpec, stamp: float) -> tuple[RawChannel, tuple[Finding, ...]]:
-    group, index = _find(mdf, path, spec)
-    cycles = int(mdf.groups[group].channel_group.cycles_nr)
-    where = f"{path.name} {spec.group}/{spec.channel}"
-    if cycles == 0:
-        raise Refusal(f"{path}: channel {spec.channel!r} in group {spec.group!r} holds no samples")
-    times, source = _sources(path, mdf, group, index, cycles)
-    stamps = read_stamps(times, spec.sample_rate, where)
-    raw = stamps.channel(spec.channel, _unit(mdf.groups[group].channels[index]), source, stamp)
-    return raw, (*missing_samples(source.n_samples, cycles, where), *stamps.findings)
-
-
-def _find(mdf: Any, path: Path, spec: ChannelSpec) -> tuple[int, int]:
-    """Return group and channel index by the group's acquisition name and the channel's name."""
-    names, found = [], []
-    for number, group in enumerate(mdf.groups):
-        acquisitions = _group_names(group.channel_group)
-        for index, channel in enumerate(group.channels):
-            names.append(f"{acquisitions[0]}/{channel.name}")
-            if channel.name == spec.channel and spec.group in ("", *acquisitions):
-                found.append((number, index))
-    key = f"{spec.group}/{spec.channel}"
-    if not found:
-        raise Refusal(f"{path}: no channel {key!r}{did_you_mean(key, tuple(names))}; there are {', '.join(names[:12])}")
-    if len(found) > 1:
-        raise Refusal(f"{path}: {len(found)} channels are named {key!r}; name the group in recording.toml")
-    return found[0]
-
-
-def _group_names(group: Any) -> list[str]:
-    """Return the names of a channel group: acquisition name, else what stands as text in its comment."""
-    comment = re.sub(r"<[^>]*>", " ", str(group.comment or ""))
-    return [name for name in (str(group.acq_name or ""), " ".join(comment.split())) if name] or [""]
-
-
 def _sources(path: Path, mdf: Any, group: int, index: int, cycles: int) -> tuple[SampleSource, SampleSource]:
     """Return times and samples."""
+    if not cycles:
+        return ArraySource(np.empty(0)), ArraySource(np.empty(0))
     if cycles * 16 <= IN_MEMORY_BYTES:
         signal = mdf.get(group=group, index=index, ignore_invalidation_bits=True)
         _refuse_text(path, signal.samples)

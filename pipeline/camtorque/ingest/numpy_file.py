@@ -15,8 +15,8 @@ from numpy.lib import format as npy
 
 from camtorque.config import ChannelSpec
 from camtorque.ingest.header import numbered_name
-from camtorque.ingest.raw import FileChannel, RawFile, read_each, refusing
-from camtorque.ingest.variables import channel_of, listed, members_of
+from camtorque.ingest.raw import FileChannel, RawFile, refusing
+from camtorque.ingest.variables import listed, read_variables
 from camtorque.ingest.zlib_check import refuse_bomb
 from camtorque.records import Refusal
 
@@ -24,14 +24,13 @@ from camtorque.records import Refusal
 def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read arrays of a NumPy file."""
     arrays = _arrays(path)
-    members = members_of(arrays)
-    return read_each(path, "NumPy", specs, lambda spec: channel_of(path, members, spec, tuple(arrays), specs))
+    return read_variables(path, "NumPy", arrays, tuple(arrays), specs)
 
 
 def channels(path: Path) -> tuple[FileChannel, ...]:
     """List the arrays, fields and columns that hold one number per sample."""
     arrays = _arrays(path)
-    found = listed(members_of(arrays))
+    found = listed(arrays)
     if not found:
         shown = ", ".join(f"{name} {array.dtype} {array.shape}" for name, array in list(arrays.items())[:5])
         raise Refusal(f"{path}: holds no array of one number per sample; {shown or 'it is empty'}")

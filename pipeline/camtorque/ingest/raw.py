@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
@@ -13,7 +13,6 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.config import ChannelSpec
 from camtorque.records import Array, Finding, Refusal, SampleSource
 
 IN_MEMORY_BYTES = 64 * 2**20
@@ -50,21 +49,6 @@ class RawFile:
 
     channels: tuple[RawChannel, ...]
     findings: tuple[Finding, ...] = ()
-
-
-def read_each(
-    path: Path, kind: str, specs: Iterable[ChannelSpec],
-    one: Callable[[ChannelSpec], tuple[RawChannel, Iterable[Finding]]],
-) -> RawFile:  # fmt: skip
-    """Return what ``one`` reads of every channel; what a library raises is a refusal that names the channel."""
-    channels: list[RawChannel] = []
-    findings: list[Finding] = []
-    for spec in specs:
-        with refusing(path, kind, f"{spec.group}/{spec.channel}".lstrip("/")):
-            channel, more = one(spec)
-        channels.append(channel)
-        findings += more
-    return RawFile(tuple(channels), tuple(findings))
 
 
 def missing_samples(found: int, declared: float, where: str) -> tuple[Finding, ...]:

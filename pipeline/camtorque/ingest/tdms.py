@@ -7,8 +7,11 @@ there, before the library is asked (NI, "TDMS File Format Internal Structure").
 from __future__ import annotations
 
 import logging
+import math
 import struct
+from collections.abc import Container, Mapping
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -19,36 +22,18 @@ from nptdms.log import log_manager
 from nptdms.reader import TdmsReader
 from nptdms.scaling import get_scaling
 from nptdms.timestamp import TdmsTimestamp
-from numpy.typing import NDArray
 
 from camtorque.config import ChannelSpec
-from camtorque.ingest.columns import time_beside, times_beside
-from camtorque.ingest.header import time_unit
-from camtorque.ingest.listing import with_times
-from camtorque.ingest.raw import (
-    CallSource,
-    FileChannel,
-    FileSource,
-    Piece,
-    RawChannel,
-    RawFile,
-    missing_samples,
-    read_each,
-    refusing,
-)
-from camtorque.ingest.stamps import agreed_rate, break_findings
-from camtorque.records import Array, Finding, Refusal, SampleSource
-from camtorque.units import did_you_mean
+from camtorque.ingest.columns import time_beside
+from camtorque.ingest.raw import CallSource, FileChannel, FileSource, Piece, RawFile, refusing
+from camtorque.ingest.stored import Stored, chosen, listing_of, read_stored
+from camtorque.records import Finding, Refusal, SampleSource
 
 LEAD_IN = 28
-LEAST_PAUSE = 0.05
-"""Starts of segments that leave the time of the samples before by less are those of a loop that reads blocks [s]."""
 INTERLEAVED, BIG_ENDIAN, DAQMX = 1 << 5, 1 << 6, 1 << 7
 MOST_SEGMENTS = 100_000
 """A logger that writes ten times a second makes this many in three hours; reading more takes minutes."""
 UNKNOWN_LENGTH = 0xFFFFFFFFFFFFFFFF
-MOST_SHOWN = 12
-"""Channels that a refusal lists."""
 SCALE_COUNT = "NI_Number_Of_Scales"
 MOST_SCALES = 12
 """A chain of raw count, volts, bridge and unit has four; each may be computed from two others."""
@@ -63,7 +48,16 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
         file = TdmsFile.open(path)
     with file:
         begun = _stated_starts(path) if len(file._reader._segments or ()) > 1 else {}  # noqa: SLF001
-        found = read_each(path, "TDMS", specs, lambda spec: _channel(file, path, spec, specs, begun, bool(findings)))
+        held = [((group.name,), channel.name, channel) for group in file.groups() for channel in group.channels()]
+
+        def find(group: str, name: str) -> Stored:
+            item = _stored(file, path, chosen(path, held, group, name), begun)
+            if findings and not item.source.n_samples:
+                raise Refusal(f"{path}: channel {name!r} in group {item.group!r} holds no samples; the file is cut: "
+                              "copy it from the logger again")  # fmt: skip
+            return item
+
+        found = read_stored(path, "TDMS", specs, find)
     return RawFile(found.channels, (*findings, *found.findings))
 
 
@@ -71,18 +65,23 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
     """List the channels that hold numbers."""
     log_manager.set_level(logging.CRITICAL)
     check_segments(path)
-    found = []
     with refusing(path, "TDMS"), TdmsFile.open(path) as file:
-        for group in file.groups():
-            for channel in group.channels():
-                if not len(channel) or channel.dtype.kind not in "fiu":
-                    continue
-                step = channel.properties.get("wf_increment")
-                unit = _unit(channel)
-                source = _source(file, channel, path)
-                rate = 1.0 / float(step) if step else None
-                found.append(FileChannel(group.name, channel.name, unit, source.n_samples, rate, "", source))
-    return with_times(found)
+        held = [channel for group in file.groups() for channel in group.channels()]
+        numbers = [channel for channel in held if len(channel) and channel.dtype.kind in "fiu"]
+        return listing_of([_stored(file, path, channel, {}) for channel in numbers])
+
+
+def _stored(file: TdmsFile, path: Path, channel: TdmsChannel, begun: Mapping[str, list[tuple[int, float]]]) -> Stored:
+    """Return a channel; ``begun`` are the segments that state when it begins, where several may do so."""
+    source, properties = _source(file, channel, path), channel.properties
+    step = float(properties["wf_increment"]) if "wf_increment" in properties else None
+    rate = None if step is None else 1.0 / step if step else math.inf
+    start = float(properties["wf_start_offset"]) if "wf_start_offset" in properties else None
+    date, begins = _epoch(properties.get("wf_start_time")), begun.get(channel.path)
+    dates = _dates(file, channel, begins) if begins else () if date is None else ((0, date),)
+    beside = partial(_time_beside, file, channel, path) if step is None else None
+    return Stored(channel.group_name, channel.name, _unit(channel), source, rate, start,
+                  time_beside=beside, dates=dates, declared=int(properties.get("wf_samples", 0)))  # fmt: skip
 
 
 def _unit(channel: TdmsChannel) -> str:
@@ -127,48 +126,6 @@ def _cut(path: Path, number: int, what: str) -> Finding:
     )
 
 
-def _channel(
-    file: TdmsFile,
-    path: Path,
-    spec: ChannelSpec,
-    specs: tuple[ChannelSpec, ...],
-    begun: dict[str, list[tuple[int, float]]],
-    is_cut: bool,
-) -> tuple[RawChannel, list[Finding]]:
-    channel = _find(file, path, spec.group, spec.channel)
-    where = f"{path.name} {spec.group}/{spec.channel}"
-    source = _source(file, channel, path)
-    if not source.n_samples:
-        why = "the file is cut: copy it from the logger again" if is_cut else "the logger wrote none: record it again"
-        raise Refusal(f"{path}: channel {spec.channel!r} in group {spec.group!r} holds no samples; {why}")
-    properties = channel.properties
-    findings = list(missing_samples(source.n_samples, int(properties.get("wf_samples", 0)), where))
-    rate = spec.sample_rate
-    time_channel = spec.time_channel or ("" if "wf_increment" in properties else _times(file, channel, path, specs))
-    if time_channel:
-        times = _find(file, path, channel.group_name, time_channel)
-        if len(times) != source.n_samples:
-            raise Refusal(f"{where}: {len(times)} times in {time_channel!r} for {source.n_samples} samples")
-        told = time_unit(time_channel, _unit(times))
-        stamps, day = times_beside(_source(file, times, path), told, spec, where)
-        return stamps.channel(spec.channel, _unit(channel), source, day), [*findings, *stamps.findings]
-    if "wf_increment" in properties:
-        increment = float(properties["wf_increment"])
-        if not increment > 0.0:
-            raise Refusal(
-                f"{path} {spec.group}/{spec.channel}: wf_increment is {increment!r}, expected a time step > 0 s"
-            )
-        rate, more = agreed_rate(1.0 / increment, spec.sample_rate, where, "wf_increment says")
-        findings += more
-    start = properties.get("wf_start_offset", spec.start_time or 0.0)
-    stamp, index, size = _epoch(properties.get("wf_start_time")), np.empty(0, dtype=np.int64), np.empty(0)
-    if begun.get(channel.path):
-        stamp, index, size = _pauses(file, channel, begun[channel.path], rate)
-        findings += break_findings(index, size, 1.0 / rate, where)
-    breaks = tuple(index.tolist()), tuple(size.tolist())
-    return RawChannel(spec.channel, _unit(channel), source, float(start), rate, stamp, *breaks), findings
-
-
 class _StartReader(TdmsReader):
     """Notes which segments state when a channel begins; what the library keeps is what the last one states."""
 
@@ -191,47 +148,21 @@ def _stated_starts(path: Path) -> dict[str, list[tuple[int, float]]]:
         return reader.begun
 
 
-def _pauses(
-    file: TdmsFile, channel: TdmsChannel, begun: list[tuple[int, float]], rate: float
-) -> tuple[float, NDArray[np.int64], Array]:
-    """Return the date of the first sample, the samples behind pauses, and these [s]: logs may have been appended."""
+def _dates(file: TdmsFile, channel: TdmsChannel, begun: list[tuple[int, float]]) -> tuple[tuple[int, float], ...]:
+    """Return the samples that segments which state a date begin with, and those dates."""
     counts = [
         sum(item.number_values for item in segment.ordered_objects if item.has_data and item.path == channel.path)
         * segment.num_chunks
         for segment in file._reader._segments  # noqa: SLF001
     ]
     first = np.r_[0, np.cumsum(counts)].astype(np.int64)
-    at = first[[number for number, _ in begun]]
-    zero = np.array([stamp for _, stamp in begun]) - at / rate
-    late = np.diff(zero)
-    paused = np.flatnonzero((np.abs(late) > LEAST_PAUSE) & (at[1:] > 0) & (at[1:] < first[-1]))
-    return float(zero[0]), at[1:][paused], late[paused]
+    return tuple((int(first[number]), date) for number, date in begun)
 
 
-def _times(file: TdmsFile, channel: TdmsChannel, path: Path, specs: tuple[ChannelSpec, ...]) -> str:
-    """Return the name of the times beside a channel in its group, "" where there are none."""
+def _time_beside(file: TdmsFile, channel: TdmsChannel, path: Path, taken: Container[str]) -> str:
     group = file[channel.group_name]
-    taken = {spec.channel for spec in specs if spec.group in ("", channel.group_name)}
     same = [item.name for item in group.channels() if len(item) == len(channel) and item.dtype.kind in "fiu"]
     return time_beside(same, taken, lambda name: _source(file, group[name], path))
-
-
-def _find(file: TdmsFile, path: Path, group: str, name: str) -> TdmsChannel:
-    """Return a channel of a group, or the only one of that name where no group is named."""
-    groups = [item.name for item in file.groups()]
-    if group and group not in groups:
-        hint = did_you_mean(group, groups)
-        raise Refusal(f"{path}: no group {group!r}{hint}; the file has {', '.join(groups) or 'none'}")
-    places = [(place, channel.name) for place in ([group] if group else groups) for channel in file[place].channels()]
-    holding = [place for place, other in places if other == name]
-    if len(holding) > 1:
-        raise Refusal(f"{path}: {name!r} is in the groups {', '.join(holding)}; name one as group in recording.toml")
-    if not holding:
-        names = [other for _, other in places]
-        shown = ", ".join(names if group else map("/".join, places[:MOST_SHOWN])) or "none"
-        where = f"group {group!r}" if group else "any group"
-        raise Refusal(f"{path}: no channel {name!r} in {where}{did_you_mean(name, names)}; there are {shown}")
-    return file[holding[0]][name]
 
 
 def _epoch(stamp: Any) -> float | None:

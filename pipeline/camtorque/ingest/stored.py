@@ -1,0 +1,169 @@
+"""Channels as a file stores them, whichever its format: found by name, timed by what the file or a channel beside says.
+
+A format whose channels each have samples of their own says what it stores; which of it is asked for, and when the
+samples were taken, is told here. What stands in the columns of a table is told in `columns`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Container, Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camtorque.config import ChannelSpec
+from camtorque.ingest.columns import times_beside
+from camtorque.ingest.header import time_unit
+from camtorque.ingest.listing import usual_rate, with_times
+from camtorque.ingest.raw import FileChannel, RawChannel, RawFile, missing_samples, refusing
+from camtorque.ingest.stamps import Stamps, agreed_rate, break_findings
+from camtorque.records import Array, Finding, Refusal, SampleSource
+from camtorque.units import did_you_mean, first_of, unit_factor
+
+LEAST_PAUSE = 0.05
+"""Dates that leave the time of the samples before by less are those of a loop that reads blocks [s]."""
+MOST_SHOWN = 12
+"""Channels that a refusal lists."""
+
+
+@dataclass(frozen=True)
+class Stored:
+    """One channel of a file.
+
+    Attributes
+    ----------
+    unit : as the file says, "" where it says nothing
+    rate, start : sampling rate [Hz] and time of sample 0 [s], None where the file does not state them
+    times, times_unit : time stamps that belong to it, None where the format has none, and their unit
+    time_beside : tells which channel beside it, none of these, holds its times, "" where none does
+    dates : samples at which the file states a date, with that in seconds since 1970
+    declared : number of samples that the file states
+    if_untimed : findings where neither the file nor a channel beside tells the times
+    """
+
+    group: str
+    name: str
+    unit: str
+    source: SampleSource
+    rate: float | None = None
+    start: float | None = None
+    times: SampleSource | None = None
+    times_unit: str = "s"
+    time_beside: Callable[[Container[str]], str] | None = None
+    dates: tuple[tuple[int, float], ...] = ()
+    declared: int = 0
+    if_untimed: tuple[Finding, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+
+Find = Callable[[str, str], Stored]
+"""Group and name, as recording.toml has them -> the channel."""
+
+
+def read_stored(path: Path, kind: str, specs: tuple[ChannelSpec, ...], find: Find) -> RawFile:
+    """Return the channels that a recording names; what a library raises is a refusal that names the channel."""
+    channels: list[RawChannel] = []
+    findings: list[Finding] = []
+    for spec in specs:
+        with refusing(path, kind, f"{spec.group}/{spec.channel}".lstrip("/")):
+            channel, more = _channel(path, spec, specs, find)
+        channels.append(channel)
+        findings += more
+    return RawFile(tuple(channels), tuple(findings))
+
+
+def listing_of(items: Iterable[Stored]) -> tuple[FileChannel, ...]:
+    """Return channels as `camtorque new` lists them, with the rate that the file or the times tell."""
+    return with_times([
+        FileChannel(item.group, item.name, item.unit, item.source.n_samples, _listed_rate(item), "", item.source)
+        for item in items
+    ])  # fmt: skip
+
+
+def _listed_rate(item: Stored) -> float | None:
+    if item.rate is None and item.times is not None:
+        return usual_rate(item.times, unit_factor(item.times_unit, "time", item.name) if item.times_unit else 1.0)
+    return item.rate if item.rate is not None and 0.0 < item.rate < math.inf else None
+
+
+def among(path: Path, items: Iterable[Stored]) -> Find:
+    """Return what finds a channel among all that a file holds."""
+    return partial(chosen, path, [((item.group,), item.name, item) for item in items])
+
+
+def chosen(path: Path, held: Sequence[tuple[Sequence[str], str, Any]], group: str, name: str) -> Any:
+    """Return what a file holds under a name, in a group where one is named.
+
+    ``held`` are the names of each channel's group, the usual one first, its own, and what is to be returned.
+
+    Raises
+    ------
+    Refusal : no such group, no such channel, or several
+    """
+    groups = list(dict.fromkeys(other for names, *_ in held for other in names if other))
+    if group and group not in groups:
+        there = ", ".join(groups) or "none: leave out group"
+        raise Refusal(f"{path}: no group {group!r}{did_you_mean(group, groups)}; the file has {there}")
+    inside = [(names[0], other, handle) for names, other, handle in held if group in ("", *names)]
+    found = [(place, handle) for place, other, handle in inside if other == name]
+    if len(found) == 1:
+        return found[0][1]
+    if found:
+        where = f"in the groups {', '.join(place for place, _ in found)}" if groups else f"there {len(found)} times"
+        raise Refusal(
+            f"{path}: {name!r} is {where}; name one as group in recording.toml, or export them under two names"
+        )
+    where = f" in group {group!r}" if group else " in any group" if groups else ""
+    names = [other for _, other, _ in inside]
+    there = first_of(names if group else [f"{place}/{other}".lstrip("/") for place, other, _ in inside], MOST_SHOWN)
+    raise Refusal(f"{path}: no channel {name!r}{where}{did_you_mean(name, names)}; there are {there or 'none'}")
+
+
+def _channel(
+    path: Path, spec: ChannelSpec, specs: tuple[ChannelSpec, ...], find: Find
+) -> tuple[RawChannel, tuple[Finding, ...]]:
+    item = find(spec.group, spec.channel)
+    name, count = f"{item.group}/{item.name}".strip("/"), item.source.n_samples
+    if not count:
+        raise Refusal(f"{path}: channel {name!r} holds no samples; the logger wrote none: record it again")
+    where, times, unit = f"{path.name} {name}", item.times, item.times_unit
+    taken = {other.channel for other in specs if other.group in ("", item.group)}
+    if named := spec.time_channel or ("" if times or item.time_beside is None else item.time_beside(taken)):
+        beside = find(item.group, named)
+        times, unit = beside.source, time_unit(named, beside.unit)
+        if times.n_samples != count:
+            raise Refusal(f"{where}: {times.n_samples} times in {named!r} for {count} samples: the file is cut or "
+                          "mixed up; save both from one recording")  # fmt: skip
+    base, date = times_beside(times, unit, spec, where) if times else (_equidistant(spec, item, where), None)
+    stamp, index, size = _dated(item, base.rate)
+    if not times:
+        told = break_findings(index, size, 1.0 / base.rate, where)
+        base = Stamps(base.start, base.rate, tuple(index.tolist()), tuple(size.tolist()), (*base.findings, *told))
+    raw = base.channel(spec.channel, item.unit, item.source, stamp if date is None else date)
+    return raw, (*item.findings, *missing_samples(count, item.declared, where), *base.findings)
+
+
+def _equidistant(spec: ChannelSpec, item: Stored, where: str) -> Stamps:
+    """Return the time base of a channel without times, at the rate that the file states or recording.toml."""
+    start = (spec.start_time or 0.0) if item.start is None else item.start
+    if item.rate is None:
+        return Stamps(start, spec.sample_rate, findings=item.if_untimed)
+    if not 0.0 < item.rate < math.inf:
+        raise Refusal(f"{where}: the sampling rate in the file is {item.rate!r} Hz, expected a number > 0; correct "
+                      "what states rate or step there, or take it out")  # fmt: skip
+    rate, findings = agreed_rate(item.rate, spec.sample_rate, where, "the file says")
+    return Stamps(start, rate, findings=findings)
+
+
+def _dated(item: Stored, rate: float) -> tuple[float | None, NDArray[np.int64], Array]:
+    """Return the date of time 0, the samples behind pauses, and these [s]: logs may have been appended."""
+    at = np.array([number for number, _ in item.dates], dtype=np.int64)
+    zero = np.array([date for _, date in item.dates]) - at / rate
+    late = np.diff(zero)
+    paused = np.flatnonzero((np.abs(late) > LEAST_PAUSE) & (at[1:] > 0) & (at[1:] < item.source.n_samples))
+    return (float(zero[0]) if zero.size else None), at[1:][paused], late[paused]

@@ -1,0 +1,102 @@
+"""What `stored` tells of every format alike: which channel is meant, what gives its times, what a refusal says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from camtorque.config import ChannelSpec
+from camtorque.ingest import hdf5, mf4, tdms
+from camtorque.ingest.raw import ArraySource
+from camtorque.ingest.stored import Stored, among, listing_of, read_stored
+from camtorque.records import Refusal
+from nptdms import ChannelObject, TdmsWriter
+
+RATE = 1000.0
+TIMES = np.arange(400) / RATE
+FILE = Path("run.log")
+
+
+def spec(channel: str, group: str = "", time: str = "", file: Path = FILE) -> ChannelSpec:
+    return ChannelSpec("torque", file, group, channel, "V", "L", RATE, "", time_channel=time)
+
+
+def stored(name: str, group: str = "", values: np.ndarray = TIMES, **more: object) -> Stored:
+    return Stored(group, name, "V", ArraySource(values), **more)
+
+
+@pytest.mark.parametrize(
+    ("held", "wanted", "said"),
+    [
+        ([("", "p"), ("", "p")], spec("p"), "'p' is there 2 times; .* export them under two names"),
+        ([("A", "p"), ("B", "p")], spec("p"), "'p' is in the groups A, B; name one as group"),
+        ([("Main", "p")], spec("p", "Mian"), "no group 'Mian', did you mean 'Main'.; the file has Main"),
+        ([("", "p")], spec("p", "Main"), "no group 'Main'; the file has none: leave out group"),
+        ([("A", "p"), ("B", "q")], spec("P", "A"), "no channel 'P' in group 'A', did you mean 'p'.; there are p$"),
+        ([("A", f"c{n}") for n in range(14)], spec("x"), "no channel 'x' in any group; there are A/c0, .* and 2 more$"),
+        ([], spec("x"), "no channel 'x'; there are none"),
+    ],
+)
+def test_a_channel_that_is_not_one_is_refused_with_those_that_are(
+    held: list[tuple[str, str]], wanted: ChannelSpec, said: str
+):
+    items = [stored(name, group) for group, name in held]
+    with pytest.raises(Refusal, match=said):
+        read_stored(FILE, "log", (wanted,), among(FILE, items))
+
+
+@pytest.mark.parametrize(
+    ("item", "time", "said"),
+    [
+        (stored("p", values=np.empty(0)), "", "channel 'p' holds no samples; the logger wrote none: record it again"),
+        (stored("p", rate=-2.0), "", "run.log p: the sampling rate in the file is -2.0 Hz, expected a number > 0"),
+        (stored("p"), "t", "399 times in 't' for 400 samples: the file is cut or mixed up; save both from one"),
+    ],
+)
+def test_a_channel_without_samples_rate_or_times_is_refused(item: Stored, time: str, said: str):
+    items = [item, stored("t", values=TIMES[1:])]
+    with pytest.raises(Refusal, match=said):
+        read_stored(FILE, "log", (spec("p", time=time),), among(FILE, items))
+
+
+def test_a_rate_that_is_none_is_not_listed():
+    items = [stored("a", rate=float("inf")), stored("b", rate=RATE), stored("c", times=ArraySource(TIMES))]
+    assert [channel.sample_rate for channel in listing_of(items)] == [None, RATE, RATE]
+
+
+def test_a_date_in_the_times_says_more_than_that_of_the_file():
+    item = stored("p", times=ArraySource(TIMES + 1.7e9), dates=((0, 1.6e9),))
+    (channel,) = read_stored(FILE, "log", (spec("p"),), among(FILE, [item])).channels
+    assert (channel.start_time, channel.stamp) == (0.0, pytest.approx(1.7e9))
+
+
+def test_a_file_that_was_not_cut_says_that_a_channel_is_empty(tmp_path: Path):
+    file = tmp_path / "run.tdms"
+    with TdmsWriter(file) as writer:
+        writer.write_segment([ChannelObject("A", "p", np.empty(0)), ChannelObject("A", "q", TIMES)])
+    with pytest.raises(Refusal, match="channel 'A/p' holds no samples; the logger wrote none"):
+        tdms.read(file, (spec("p", "A", file=file),), "")
+
+
+def test_times_beside_a_data_set_that_is_named_by_its_path(tmp_path: Path):
+    file = tmp_path / "run.h5"
+    with h5py.File(file, "w") as store:
+        store["Main/p"], store["Main/Time"] = TIMES % 0.007, TIMES + 2.0
+    (channel,) = hdf5.read(file, (spec("Main/p", file=file),), "").channels
+    assert (channel.start_time, channel.sample_rate) == (pytest.approx(2.0), pytest.approx(RATE))
+
+
+def test_a_time_channel_that_is_named_holds_in_mdf_as_elsewhere(tmp_path: Path):
+    asammdf = pytest.importorskip("asammdf")
+    file = tmp_path / "log.mf4"
+    with asammdf.MDF(version="4.10") as log:
+        signals = (("p", TIMES % 0.007), ("daq_time", TIMES + 5.0))
+        log.append([asammdf.Signal(values, TIMES, name=name) for name, values in signals], acq_name="G")
+        log.save(file)
+    (plain,) = mf4.read(file, (spec("p", "G", file=file),), "").channels
+    (named,) = mf4.read(file, (spec("p", "G", "daq_time", file),), "").channels
+    assert (plain.start_time, named.start_time) == (0.0, pytest.approx(5.0))
+    with pytest.raises(Refusal, match="no channel 'dq_time' in group 'G', did you mean 'daq_time'"):
+        mf4.read(file, (spec("p", "G", "dq_time", file),), "")
