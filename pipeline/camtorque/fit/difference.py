@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
-from camtorque.fit.pair import TwoRecordings, with_difference
+from camtorque.fit.pair import TwoRecordings, at_angle, with_difference
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.uncertainty import LEAST_FREEDOM
 from camtorque.laws.chain import ChainOutput, coefficients_of, derivative_by, evaluate
@@ -97,13 +97,6 @@ def turn_of_tooth(pair: TwoRecordings, output: ChainOutput) -> float:
     teeth = [item.chain.trigger_angle for item in pair.items]
     one, two = np.interp(teeth, theta, output.motion.theta - theta, period=2.0 * np.pi)
     return float(two - one)
-
-
-def at_angle(values: Array, angle: float) -> Array:
-    """Return periodic columns read later by an angle, (n, m) [rad]."""
-    orders = np.arange(values.shape[0] // 2 + 1)
-    turn = np.exp(1j * orders * angle)[:, None]
-    return np.asarray(np.fft.irfft(np.fft.rfft(values, axis=0) * turn, values.shape[0], axis=0))
 
 
 def angle_slope(values: Array) -> Array:

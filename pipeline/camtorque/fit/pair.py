@@ -46,6 +46,8 @@ EDGE_SHARE = 0.5
 LEAST_EDGE = np.radians(0.002)
 MOST_WORSE = 300.0
 """Chi-square by which a minimum may explain the first recording worse than the best one and still be compared in."""
+TURNS = 4
+"""Gauss-Newton steps to the angle between two cycles, which lie within a degree."""
 COMMON_TIME_BASE = "common time base"
 START_ERROR = 8.0e-6
 """Standard error of the start of a file that shares a time base with others but starts by itself [s]: headers write it
@@ -134,14 +136,34 @@ def best_pair(before: Prepared, after: Prepared) -> TwoRecordings:
 
 def pair_of(before: Prepared, after: Prepared, start: Candidate) -> TwoRecordings:
     """Return two recordings of one speed in the structure of one of the minima of the first, not weighed yet."""
+    # what the transducer did not see lies where the torque does, also where a trigger stands elsewhere
     lost = start.data.chain.shaft_torque - before.measured
-    items = tuple(_item(side, start.data, lost) for side in (before, after))
+    angle = angle_between(*(on_grid(_mean_torque(side), lost.size) for side in (before, after)))
+    items = _item(before, start.data, lost), _item(after, start.data, at_angle(lost, angle))
     problem = start.problem
     names = tuple(parameter.row.name for parameter in problem.parameters)
     values, coefficients = problem.values(start.solution.z, 0)
     fixed = {**values, **dict(zip(COLUMN_NAMES, coefficients, strict=True))}
     none = np.eye(BINS)
     return TwoRecordings(items, (before.cycles, after.cycles), names, fixed, none, none, 0.0)  # type: ignore[arg-type]
+
+
+def at_angle(values: Array, angle: float) -> Array:
+    """Return periodic columns read later by an angle, (n,) or (n, m) [rad]."""
+    orders = np.arange(values.shape[0] // 2 + 1).reshape(-1, *[1] * (values.ndim - 1))
+    turned = np.fft.rfft(values, axis=0) * np.exp(1j * orders * angle)
+    return np.asarray(np.fft.irfft(turned, values.shape[0], axis=0))
+
+
+def angle_between(one: Array, other: Array) -> float:
+    """Return the angle by which one periodic signal (n,) has to be read later to be most like another [rad]."""
+    spectrum = np.fft.rfft(one)
+    orders, angle = np.arange(spectrum.size), 0.0
+    for _ in range(TURNS):
+        here = spectrum * np.exp(1j * orders * angle)
+        slope, left = (np.fft.irfft(part, one.size) for part in (1j * orders * here, here))
+        angle += float(slope @ (other - left)) / float(slope @ slope)
+    return angle
 
 
 def _weights(bare: tuple[TwoRecordings, Candidate]) -> dict[str, Any]:
@@ -188,10 +210,8 @@ def root_of(covariance: Array) -> Array:
 
 
 def _item(side: Prepared, data: FitData, lost: Array) -> FitData:
-    cycles = side.cycles
-    assert cycles.torque is not None
+    cycles, torque = side.cycles, _mean_torque(side)
     n = data.chain.theta.size
-    torque = np.mean(cycles.torque, axis=0)
     turned = cycles.details.get("angle_deviation")  # of each recording, where a wheel on the cam measured it
     deviation = on_grid(np.asarray(turned), n) if data.chain.deviation.size and turned is not None else np.zeros(0)
     chain = replace(
@@ -200,6 +220,12 @@ def _item(side: Prepared, data: FitData, lost: Array) -> FitData:
         trigger_angle=side.recording.config.trigger.nominal_angle,
     )  # fmt: skip
     return replace(data, name=side.recording.config.id, chain=chain, torque=binned_at_centres(torque))
+
+
+def _mean_torque(side: Prepared) -> Array:
+    """Return the mean torque of all used cycles [N m]."""
+    assert side.cycles.torque is not None
+    return np.asarray(np.mean(side.cycles.torque, axis=0))
 
 
 def mean_covariance(item: FitData, start: Candidate) -> Array:

@@ -1,0 +1,40 @@
+"""Two recordings of one pump side by side: what the transducer did not see lies where the torque does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from camtorque.fit.pair import angle_between, at_angle, pair_of
+from camtorque.units import DEGREE, angle_grid
+from fit_cases import quick_prepared
+
+KEY = ("closed_volume", 0, 1000.0)
+
+
+def cycle(turned: float) -> np.ndarray:
+    theta = angle_grid(1800) + turned
+    return np.exp(np.cos(theta) * 8.0 - 8.0) * (1.0 + 0.1 * np.cos(40.0 * theta))
+
+
+@pytest.mark.parametrize("degrees", [0.0, 0.003, -0.3, 1.0])
+def test_the_angle_between_two_cycles_is_found(degrees: float) -> None:
+    one, later = cycle(0.0), cycle(degrees * DEGREE)
+    np.testing.assert_allclose(at_angle(one, degrees * DEGREE), later, atol=1e-9)
+    assert angle_between(one, 1.02 * later + 0.5) == pytest.approx(degrees * DEGREE, abs=1e-9 + 2e-4 * abs(degrees))
+
+
+def test_what_was_not_seen_moves_with_the_trigger() -> None:
+    prepared = quick_prepared(*KEY)
+    best = prepared.candidates[0]
+    lost = 0.3 * np.cos(150.0 * best.data.chain.theta) * np.exp(-best.data.chain.theta)
+    chain = replace(best.data.chain, shaft_torque=prepared.measured + lost)
+    start = replace(best, data=replace(best.data, chain=chain))
+    turned = 0.4 * DEGREE
+    cycles = prepared.cycles
+    moved = replace(cycles, **{name: at_angle(getattr(cycles, name).T, turned).T for name in ("torque", "pressure")})
+    pair = pair_of(prepared, replace(prepared, cycles=moved, measured=np.zeros(0)), start)
+    one, two = (item.chain.shaft_torque for item in pair.items)
+    assert np.std(at_angle(one, turned) - one) > 0.1
+    np.testing.assert_allclose(two, at_angle(one, turned), atol=2e-3)
