@@ -1,4 +1,4 @@
-"""A roller's pin in many recordings: all together tell its kind, and the other kind widens what it moves."""
+"""A pump in many recordings: all together tell the kind of its pin, and the other kind, or a stiff shaft, widens."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from camtorque.fit.joint_input import joint_input
 from camtorque.fit.joint_solver import solve_many
 from camtorque.fit.kinds import ARM, BUSH, BUSHES, other_kind
 from camtorque.fit.problem import build_problem, started_at, with_rows
-from camtorque.fit.single import PIN
+from camtorque.fit.single import PIN, SOFTER
+from camtorque.fit.valleys import COMPLIANCE, STIFF
 from camtorque.laws import ROWS
 from camtorque.process.threads import in_turn
 from fit_cases import quick_prepared, rig
@@ -79,3 +80,27 @@ def test_a_foot_that_slides_has_no_other_kind(bushed):
     foot = build_problem([with_rows(item, {ARM: {"source": "a foot that slides"}}) for item in problem.data])
     assert with_likelier_pin(foot, solution, in_turn) == (foot, solution)
     assert not np.any(joint_fit_of(inputs, foot, solution).shifts[PIN])
+
+
+def test_a_stiff_shaft_is_as_uncertain_as_the_walk_along_its_valley():
+    inputs = [joint_input(quick_prepared("stiff_shaft", 0, rpm)) for rpm in SPEEDS]
+    problem, solution = solve_joint(inputs)
+    place = problem.index(COMPLIANCE)
+    row = problem.parameters[place].row
+    stiffest = np.where(np.arange(problem.size) == place, row.lower, solution.z)
+    bound = build_problem(started_at(problem, stiffest))
+    there = solve_many(bound, bound.start, 25)
+    fit = joint_fit_of(inputs, bound, there)
+    walked, known = abs(fit.shifts[SOFTER][0, place]), fit.covariance.std[place]
+    assert there.z[place] <= row.lower + STIFF * known
+    true = 1.0 / rig("stiff_shaft", 0, SPEEDS[0]).truth.driveline.shaft_stiffness
+    assert there.z[place] + 2.0 * np.hypot(walked, known) > true
+    assert walked > 0.5 * known
+
+
+def test_a_shaft_that_yields_is_not_walked(bushed):
+    inputs, problem, solution = bushed
+    fit = joint_fit_of(inputs, problem, solution)
+    place = problem.index(COMPLIANCE)
+    assert solution.z[place] > problem.parameters[place].row.lower + STIFF * fit.covariance.std[place]
+    assert not np.any(fit.shifts[SOFTER])
