@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from camtorque.fit.evidence import LOSSES
 from camtorque.fit.problem import LAND_NAMES, NEUTRAL, SPILL_NAMES
-from camtorque.laws import LAW_OF, LAWS, LINEAR_NAMES, ROWS, cause_of
+from camtorque.laws import LAW_OF, LAWS, LINEAR_NAMES, ROWS, cause_of, chamber
 from camtorque.laws.causes import (
     CAUSES,
     LOSS_GROUPS,
@@ -214,3 +214,7 @@ def test_rows_that_make_no_sense_are_refused():
     ]:  # fmt: skip
         with pytest.raises(ValueError, match=text):
             ParameterRow(**{**good, **change})
+
+
+def test_each_place_of_the_chamber_is_called_as_its_parameter() -> None:
+    assert [getattr(chamber, name.upper()) for name in CHAMBER_NAMES] == list(range(chamber.N))

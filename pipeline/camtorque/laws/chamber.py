@@ -54,6 +54,13 @@ KERNEL_UNITS: dict[str, float] = {
 """Parameters of the kernel in its order, and kernel unit (bar, mm, mm^3, ms) per SI unit."""
 NAMES = tuple(KERNEL_UNITS)
 N = len(NAMES)
+(
+    DEAD_VOLUME, BULK_MODULUS, BULK_MODULUS_SLOPE, FREE_AIR, FEED_PRESSURE, PORT_CLOSING_LIFT, PORT_WIDTH, PORT_SPAN,
+    PORT_ROUNDNESS, END_OF_DELIVERY, END_WIDTH, SPILL_LIFT, SPILL_WIDTH, SPILL_SPAN, VALVE_OPENING, VALVE_AREA,
+    VALVE_RANGE, RETRACTION_VOLUME, GALLERY_VOLUME, VALVE_MASS, VALVE_DAMPING, SEAT_GAIN, VALVE_EXPOSURE, LEAKAGE,
+    LEAK_GROWTH, PRESSURE_ZERO, SUCTION_AREA, VALVE_STROKE, OUTLET_RETURN, LINE_INERTANCE, VALVE_SPRING,
+) = range(N)  # fmt: skip
+"""Place of each of `NAMES`, in the same order."""
 UNITS = np.array(list(KERNEL_UNITS.values()))
 FLOW = float(ports.DISCHARGE * np.sqrt(1.0e5))
 """C_d sqrt(2/rho): mm/ms per square root of bar."""
@@ -145,20 +152,20 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
         if u < 0.0:
             for j in range(n_all):
                 u_t[j] = start_by[j] / (STOP + spring)
-            u_t[14] -= 1.0 / (STOP + spring)
-            u_t[17] += spring / (STOP + spring)
-            u_t[25] += 1.0 / (STOP + spring)
-            u_t[30] += (retraction - u) / (STOP + spring)
+            u_t[VALVE_OPENING] -= 1.0 / (STOP + spring)
+            u_t[RETRACTION_VOLUME] += spring / (STOP + spring)
+            u_t[PRESSURE_ZERO] += 1.0 / (STOP + spring)
+            u_t[VALVE_SPRING] += (retraction - u) / (STOP + spring)
         for both in range(2):
             row = mass_t if both == 0 else gallery_t
             room = volume if both == 0 else v_gallery + u
             factor = -room / (share * share)
             for j in range(n_all):
                 row[j] = factor * share_p * start_by[j] + (u_t[j] / share if both else 0.0)
-            row[0 if both == 0 else 18] += 1.0 / share
-            row[1] += factor * share_k
-            row[2] += factor * share_b
-            row[3] += factor * share_a
+            row[DEAD_VOLUME if both == 0 else GALLERY_VOLUME] += 1.0 / share
+            row[BULK_MODULUS] += factor * share_k
+            row[BULK_MODULUS_SLOPE] += factor * share_b
+            row[FREE_AIR] += factor * share_a
         for j in range(n_shift):
             mass_t[N + j] -= plunger * slope[0] * shifts[0, j] / share
     for i in range(n):
@@ -310,24 +317,24 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
             for j in range(n_all):
                 partial[0, j] = -mass_t[j]
             root, root_d = flow_root(p - feed)
-            partial[0, 0] += over
-            partial[0, 1] -= volume * squared * share_k
-            partial[0, 2] -= volume * squared * share_b
-            partial[0, 3] -= volume * squared * share_a
+            partial[0, DEAD_VOLUME] += over
+            partial[0, BULK_MODULUS] -= volume * squared * share_k
+            partial[0, BULK_MODULUS_SLOPE] -= volume * squared * share_b
+            partial[0, FREE_AIR] -= volume * squared * share_a
             drawn, drawn_d = suction_root(feed - p)
-            partial[0, 4] += dt * (-feeding * root_d + loss_f - k_suction * drawn_d)
-            partial[0, 26] -= dt * FLOW * drawn
+            partial[0, FEED_PRESSURE] += dt * (-feeding * root_d + loss_f - k_suction * drawn_d)
+            partial[0, SUCTION_AREA] -= dt * FLOW * drawn
             port_flow = dt * FLOW * k_port * root
             spill_flow = dt * FLOW * k_spill * root
-            partial[0, 5] += port_flow * port_sx
-            partial[0, 6] += dt * FLOW * h_port * port_s * root
-            partial[0, 7] += port_flow * (port_s - port_x * port_sx)
-            partial[0, 8] += port_flow * h_port * port_sq + spill_flow * h_spill * spill_sq
-            partial[0, 11] -= spill_flow * spill_sx
-            partial[0, 12] += dt * FLOW * h_spill * spill_s * root
-            partial[0, 13] += spill_flow * (spill_s - spill_x * spill_sx)
-            partial[0, 23] += dt * loss_l
-            partial[0, 24] += dt * loss_h
+            partial[0, PORT_CLOSING_LIFT] += port_flow * port_sx
+            partial[0, PORT_WIDTH] += dt * FLOW * h_port * port_s * root
+            partial[0, PORT_SPAN] += port_flow * (port_s - port_x * port_sx)
+            partial[0, PORT_ROUNDNESS] += port_flow * h_port * port_sq + spill_flow * h_spill * spill_sq
+            partial[0, SPILL_LIFT] -= spill_flow * spill_sx
+            partial[0, SPILL_WIDTH] += dt * FLOW * h_spill * spill_s * root
+            partial[0, SPILL_SPAN] += spill_flow * (spill_s - spill_x * spill_sx)
+            partial[0, LEAKAGE] += dt * loss_l
+            partial[0, LEAK_GROWTH] += dt * loss_h
             by_lift = -plunger * over - port_flow * port_sx + spill_flow * spill_sx
             slope_here = slope[before] + (slope[i] - slope[before]) * part
             if closed:
@@ -358,36 +365,36 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 by_angle = -by_x * slope_here / RETURN_SPAN if returning else -by_x / width
                 for sign in range(2):
                     direction = 1.0 if sign == 0 else -1.0
-                    partial[sign, 8] += direction * by_outlet * outlet_q
-                    partial[sign, 9] += direction * by_end
-                    partial[sign, 10] += direction * by_width
-                    partial[sign, 28] += direction * by_again
-                    partial[sign, 15] += direction * flow_out * FLOW * outlet
-                partial[1, 1] -= room * shared_squared * shared_k
-                partial[1, 2] -= room * shared_squared * shared_b
-                partial[1, 3] -= room * shared_squared * shared_a
-                partial[1, 18] += shared_over
-                partial[1, 17] -= dt * k_seat * lift_ud * through
-                partial[1, 21] += dt * FLOW * lift_u * through
-                partial[1, 25] += dt * k_seat * lift_u * through_d
-                partial[2, 14] += 1.0
-                partial[2, 15] -= flow_force * lift_u / area_out
-                partial[2, 16] += seat / area_out * lift_u
-                partial[2, 17] += -spring - flow_force * lift_ud + stop_top
-                partial[2, 27] += stop_top
-                partial[2, 19] += (speed - speed_old) * inverse_time + damping * speed
-                partial[2, 20] += mass_valve * speed
-                partial[2, 21] += force / area_out * lift_u
-                partial[2, 22] += p - g
-                partial[2, 25] -= 1.0
-                partial[3, 17] += k_seat * lift_ud * through
-                partial[3, 21] -= FLOW * lift_u * through
-                partial[3, 25] -= k_through
+                    partial[sign, PORT_ROUNDNESS] += direction * by_outlet * outlet_q
+                    partial[sign, END_OF_DELIVERY] += direction * by_end
+                    partial[sign, END_WIDTH] += direction * by_width
+                    partial[sign, OUTLET_RETURN] += direction * by_again
+                    partial[sign, VALVE_AREA] += direction * flow_out * FLOW * outlet
+                partial[1, BULK_MODULUS] -= room * shared_squared * shared_k
+                partial[1, BULK_MODULUS_SLOPE] -= room * shared_squared * shared_b
+                partial[1, FREE_AIR] -= room * shared_squared * shared_a
+                partial[1, GALLERY_VOLUME] += shared_over
+                partial[1, RETRACTION_VOLUME] -= dt * k_seat * lift_ud * through
+                partial[1, SEAT_GAIN] += dt * FLOW * lift_u * through
+                partial[1, PRESSURE_ZERO] += dt * k_seat * lift_u * through_d
+                partial[2, VALVE_OPENING] += 1.0
+                partial[2, VALVE_AREA] -= flow_force * lift_u / area_out
+                partial[2, VALVE_RANGE] += seat / area_out * lift_u
+                partial[2, RETRACTION_VOLUME] += -spring - flow_force * lift_ud + stop_top
+                partial[2, VALVE_STROKE] += stop_top
+                partial[2, VALVE_MASS] += (speed - speed_old) * inverse_time + damping * speed
+                partial[2, VALVE_DAMPING] += mass_valve * speed
+                partial[2, SEAT_GAIN] += force / area_out * lift_u
+                partial[2, VALVE_EXPOSURE] += p - g
+                partial[2, PRESSURE_ZERO] -= 1.0
+                partial[3, RETRACTION_VOLUME] += k_seat * lift_ud * through
+                partial[3, SEAT_GAIN] -= FLOW * lift_u * through
+                partial[3, PRESSURE_ZERO] -= k_through
                 faster = (w - w_old) * inverse_time
-                partial[1, 29] -= dt * k_through * faster
-                partial[2, 29] += faster
-                partial[3, 29] += k_through * faster
-                partial[2, 30] += u - retraction
+                partial[1, LINE_INERTANCE] -= dt * k_through * faster
+                partial[2, LINE_INERTANCE] += faster
+                partial[3, LINE_INERTANCE] += k_through * faster
+                partial[2, VALVE_SPRING] += u - retraction
                 for j in range(n_shift):
                     moved = shifts[before, j] + (shifts[i, j] - shifts[before, j]) * part
                     partial[0, N + j] += (by_lift * slope_here + by_angle) * moved
@@ -409,17 +416,17 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 factor = -room * shared_squared
                 for j in range(n_all):
                     gallery_t[j] = factor * shared_p * g_t[j] + shared_over * u_t[j]
-                gallery_t[1] += factor * shared_k
-                gallery_t[2] += factor * shared_b
-                gallery_t[3] += factor * shared_a
-                gallery_t[18] += shared_over
+                gallery_t[BULK_MODULUS] += factor * shared_k
+                gallery_t[BULK_MODULUS_SLOPE] += factor * shared_b
+                gallery_t[FREE_AIR] += factor * shared_a
+                gallery_t[GALLERY_VOLUME] += shared_over
             factor = -volume * squared
             for j in range(n_all):
                 mass_t[j] = factor * share_p * p_t[j]
-            mass_t[0] += over
-            mass_t[1] += factor * share_k
-            mass_t[2] += factor * share_b
-            mass_t[3] += factor * share_a
+            mass_t[DEAD_VOLUME] += over
+            mass_t[BULK_MODULUS] += factor * share_k
+            mass_t[BULK_MODULUS_SLOPE] += factor * share_b
+            mass_t[FREE_AIR] += factor * share_a
             for j in range(n_shift):
                 moved = shifts[before, j] + (shifts[i, j] - shifts[before, j]) * part
                 mass_t[N + j] -= plunger * slope_here * moved * over
@@ -439,9 +446,8 @@ def revolution(
     Where the end of a revolution is no filled chamber (a throttled suction valve leaves vapour, a closed one what it
     has trapped), another one begins there. ``grid`` holds theta, lift, slope, line and substeps.
     """
-    feed = NAMES.index("feed_pressure")
-    full, full_by = float(parameters[feed]), np.zeros(N + shifts.shape[1])
-    full_by[feed] = 1.0
+    full, full_by = float(parameters[FEED_PRESSURE]), np.zeros(N + shifts.shape[1])
+    full_by[FEED_PRESSURE] = 1.0
 
     def turn(start: float, start_by: Array, path: Array) -> tuple[Array, Array, Array, Array, Array]:
         return integrate(parameters, geometry, *grid, shifts, start, start_by, path, want_tangents)  # type: ignore[no-any-return]
