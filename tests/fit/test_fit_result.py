@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from camtorque.fit import minima
+from camtorque.fit import minima, planning
 from camtorque.fit import result as result_room
 from camtorque.fit.derived import carried, derived_estimates, sureness, work_at
 from camtorque.fit.descent import free_at
@@ -23,7 +23,7 @@ from camtorque.fit.kinds import structure_spread
 from camtorque.fit.minima import LIGHT, Halves
 from camtorque.fit.modelled import model_on_grid, modelled
 from camtorque.fit.pair import pair_of
-from camtorque.fit.planning import TOOTH, proposals
+from camtorque.fit.planning import TOOTH, next_measurement, proposals
 from camtorque.fit.prepare import INDEPENDENT, bin_weights, mean_cycles, on_grid
 from camtorque.fit.residual import BUMP_WINDOW_DEG, parts_of_gap, phase_at, residual_bumps, ringing
 from camtorque.fit.result import (
@@ -181,6 +181,20 @@ def test_a_second_tooth_and_another_speed_narrow(fit):
         if "rpm" in title:
             std = np.sqrt(np.diag(matrix))
             assert std[names.index("dead_volume")] < today[names.index("dead_volume")]
+
+
+def test_a_speed_at_which_a_tangent_runs_away_is_not_proposed(fit, monkeypatch):
+    away = planning.normal_equations
+
+    def running_away(problem, *arguments):
+        matrix, vector, output = away(problem, *arguments)
+        column = np.full(len(matrix), 1e11)
+        return matrix + np.outer(column, column), vector, output
+
+    titles = [title for title, _ in proposals(fit)]
+    monkeypatch.setattr(planning, "normal_equations", running_away)
+    assert [title for title, _ in proposals(fit)] == titles[:1] == [TOOTH]
+    next_measurement(fit)  # in silence
 
 
 def test_each_recording_of_a_pair_is_turned_by_its_own_tooth():
