@@ -8,11 +8,12 @@ import h5py
 import numpy as np
 import pytest
 from camtorque.config import ChannelSpec
-from camtorque.ingest import hdf5, mf4, tdms
+from camtorque.ingest import hdf5, mat, mf4, tdms
 from camtorque.ingest.raw import ArraySource
 from camtorque.ingest.stored import Stored, among, listing_of, read_stored
 from camtorque.records import Refusal
 from nptdms import ChannelObject, TdmsWriter
+from scipy.io import savemat
 
 RATE = 1000.0
 TIMES = np.arange(400) / RATE
@@ -100,3 +101,47 @@ def test_a_time_channel_that_is_named_holds_in_mdf_as_elsewhere(tmp_path: Path):
     assert (plain.start_time, named.start_time) == (0.0, pytest.approx(5.0))
     with pytest.raises(Refusal, match="no channel 'dq_time' in group 'G', did you mean 'daq_time'"):
         mf4.read(file, (spec("p", "G", "dq_time", file),), "")
+
+
+def test_the_unit_of_a_group_is_that_of_what_was_measured_not_of_its_times(tmp_path: Path):
+    file = tmp_path / "run.h5"
+    with h5py.File(file, "w") as store:
+        group = store.create_group("Torque")
+        group.attrs["unit"] = "V"
+        group["p"], group["time"] = TIMES % 0.007, np.arange(400)
+        group["time"].attrs["scale"] = 1.0 / RATE
+    (channel,) = hdf5.read(file, (spec("p", "Torque", file=file),), "").channels
+    assert (channel.unit, channel.sample_rate) == ("V", RATE)
+    file = tmp_path / "run.mat"
+    savemat(file, {"Torque": {"Data": TIMES % 0.007, "Time": TIMES + 1.0, "units": "V"}})
+    for time in ("", "Time"):
+        (channel,) = mat.read(file, (spec("Data", "Torque", time, file),), "").channels
+        assert (channel.unit, channel.start_time) == ("V", 1.0)
+
+
+def test_times_whose_own_unit_is_none_of_time_are_refused(tmp_path: Path):
+    file = tmp_path / "run.h5"
+    with h5py.File(file, "w") as store:
+        store["p"], store["time"] = TIMES % 0.007, TIMES
+        store["time"].attrs["unit"] = "V"
+    with pytest.raises(Refusal, match=r"run\.h5 p time column: unit 'V' is a voltage, expected a time unit"):
+        hdf5.read(file, (spec("p", file=file),), "")
+
+
+def test_times_in_a_group_are_those_though_a_channel_above_has_their_name(tmp_path: Path):
+    file = tmp_path / "run.h5"
+    with h5py.File(file, "w") as store:
+        store["x"], store["Main/x"], store["Main/p"] = TIMES % 0.007, TIMES + 3.0, TIMES % 0.007
+    first, _ = hdf5.read(file, (spec("p", "Main", file=file), spec("x", file=file)), "").channels
+    assert first.start_time == pytest.approx(3.0)
+
+
+def test_a_time_channel_of_an_mdf_group_is_its_own_though_others_have_that_name(tmp_path: Path):
+    asammdf = pytest.importorskip("asammdf")
+    file = tmp_path / "log.mf4"
+    with asammdf.MDF(version="4.10") as log:
+        for name, begin in (("p", 1.0), ("q", 2.0)):
+            log.append([asammdf.Signal(TIMES % 0.007, TIMES + begin, name=name)], acq_name="G")
+        log.save(file)
+    found = mf4.read(file, tuple(spec(name, "G", "time", file) for name in "pq"), "").channels
+    assert [channel.start_time for channel in found] == [pytest.approx(1.0), pytest.approx(2.0)]

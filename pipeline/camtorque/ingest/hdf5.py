@@ -55,10 +55,15 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     check_heaps(path)
     with refusing(path, "HDF5"), h5py.File(path, "r") as file:
 
+        def beside(group: str, name: str) -> Stored:
+            data, field = _find(file, path, group, name)
+            return _stored(path, data, field, (group, name), data.attrs)  # a group states the unit of what is measured
+
         def find(group: str, name: str) -> Stored:
             data, field = _find(file, path, group, name)
             item = _stored(path, data, field, (group, name), _attributes(data, _rates_in(data.parent)))
-            return item if field else replace(item, findings=_scale_findings(path, data))
+            findings = () if field else _scale_findings(path, data)
+            return replace(item, beside=partial(beside, group), findings=findings)
 
         return read_stored(path, "HDF5", specs, find)
 
