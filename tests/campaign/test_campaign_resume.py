@@ -338,13 +338,16 @@ def test_what_an_earlier_index_had_and_this_one_has_not_is_gone(
     assert (out / "fit.json").read_text() == "2"
     (out / "notes.txt").write_text("mine")
     (tmp_path / "elsewhere").write_text("mine")
-    with (out / "SHA256SUMS").open("a") as sums:  # edited by hand
-        sums.write(f"{'0' * 64}  ../elsewhere\n")
+    (out / "figures" / "old.svg").write_text("of more recordings")
+    with (out / "SHA256SUMS").open("a") as sums:  # as an earlier version wrote it, and edited by hand
+        for name in ("notes.txt", "figures/old.svg", "../elsewhere", "."):
+            sums.write(f"{'0' * 64}  {name}\n")
     fitted.clear()
     run_campaign(raw, out, OPTIONS)
     assert not (out / "fit.json").exists()
     assert "fit.json" not in (out / "SHA256SUMS").read_text()
     assert (out / "campaign.html").is_file()
+    assert not (out / "figures" / "old.svg").exists()
     assert (out / "notes.txt").is_file()
     assert (tmp_path / "elsewhere").is_file()
     assert verify(out)[1] == {"notes.txt": "not listed"}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -27,6 +28,7 @@ from camtorque.records import Refusal
 from camtorque.report.bundle import CampaignEntry, CampaignResult
 from camtorque.report.campaign_write import write_campaign
 from camtorque.report.checksums import SUMS, listed_files, visible_files, write_checksums
+from camtorque.report.fit_file import NAME as FIT_NAME
 from camtorque.report.folder import output_files
 from camtorque.results import CAMPAIGN
 from camtorque.run import RunOptions
@@ -35,6 +37,8 @@ from camtorque.units import did_you_mean, first_of
 MOST_THUMBNAILS = 200
 """Recordings beyond which the page shows no pictures: it has to stay small enough to scroll."""
 HASHING_THREADS = 4
+OWN_FIGURE = re.compile(r"figures/[^/]+\.svg")
+"""As an index names the figures of a campaign, which are not the same from run to run."""
 
 
 @dataclass(frozen=True)
@@ -200,7 +204,8 @@ def _write_index(out: Path, result: CampaignResult) -> dict[str, Any]:
     """
     if len(result.entries) <= MOST_THUMBNAILS:
         result = replace(result, entries=tuple(_with_thumbnail(out, entry) for entry in result.entries))
-    earlier = {name for name in listed_files(out) if Path(name).parts[0] != "runs"}
+    # an index of an earlier version listed whatever lay beside it, files of the user too
+    earlier = {name for name in listed_files(out) if name == FIT_NAME or OWN_FIGURE.fullmatch(name)}
     with output_files(out) as scratch:
         doc = write_campaign(result, scratch, out)
         written = {path.relative_to(scratch).as_posix() for path in visible_files(scratch)}
