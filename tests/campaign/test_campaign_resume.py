@@ -255,6 +255,11 @@ def test_one_alone_as_a_shell_completes_its_name_and_none_from_elsewhere(analyse
     for name in ("../other/x", ".half", str(tmp_path / "other" / "x")):
         with pytest.raises(Refusal, match=f"--only {re.escape(name)}: found no such recording"):
             run_only(name, raw, out, OPTIONS)
+    assert run_only(".", raw / "deep" / "c", out, OPTIONS).name == "c"
+    with pytest.raises(Refusal, match="--only '': found no such recording"):
+        run_only("", raw / "deep" / "c", out, OPTIONS)
+    assert cli.main(["campaign", str(raw), "--out", str(out), "--only", ""]) == 2
+    assert not (out / "campaign.json").exists(), "an array job whose variable is not set computes nothing"
 
 
 def test_links_in_a_circle_hold_no_recording(tmp_path):

@@ -107,15 +107,16 @@ def run_only(name: str, folder: Path, out: Path, options: RunOptions, retry_fail
     Refusal : there is no recording of that name; ``out`` holds something else or is full
     """
     # its name is part of its key: "a/", as a shell completes it, is the recording "a", and one outside is none
-    name = os.path.normpath(name)
-    below = not any(part.startswith((".", os.sep)) for part in Path(name).parts)
+    name = os.path.normpath(name) if name else name
+    name = real_path(folder).name if name == os.curdir else name
+    below = bool(name) and not any(part.startswith((".", os.sep)) for part in Path(name).parts)
     places = [*([folder / name] if below else []), *([folder] if name == real_path(folder).name else [])]
     path = next((place for place in places if (place / RECORDING_FILE).is_file()), None)
     if path is None:
         names = list(search(folder)[0])
+        asked, hint = name or "''", did_you_mean(name, names)
         raise Refusal(
-            f"--only {name}: found no such recording{did_you_mean(name, names)}, expected one of {first_of(names, 5)}; "
-            "see --list"
+            f"--only {asked}: found no such recording{hint}, expected one of {first_of(names, 5)}; see --list"
         )
     return run_task(Task(name, path, prepare_folder(out), options, retry_failed))
 
