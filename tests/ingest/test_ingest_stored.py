@@ -112,11 +112,13 @@ def test_the_unit_of_a_group_is_that_of_what_was_measured_not_of_its_times(tmp_p
         group["time"].attrs["scale"] = 1.0 / RATE
     (channel,) = hdf5.read(file, (spec("p", "Torque", file=file),), "").channels
     assert (channel.unit, channel.sample_rate) == ("V", RATE)
+    assert [item.name for item in hdf5.channels(file)] == ["p"]  # `camtorque new` had refused all
     file = tmp_path / "run.mat"
     savemat(file, {"Torque": {"Data": TIMES % 0.007, "Time": TIMES + 1.0, "units": "V"}})
     for time in ("", "Time"):
         (channel,) = mat.read(file, (spec("Data", "Torque", time, file),), "").channels
         assert (channel.unit, channel.start_time) == ("V", 1.0)
+    assert [(item.name, item.unit, item.sample_rate) for item in mat.channels(file)] == [("Data", "V", RATE)]
 
 
 def test_times_whose_own_unit_is_none_of_time_are_refused(tmp_path: Path):
