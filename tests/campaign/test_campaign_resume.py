@@ -325,6 +325,19 @@ def test_one_damaged_folder_stops_no_other(analysed: list[str], tmp_path: Path) 
     assert re.search(r"entry.json: is damaged .*; delete .* and run again", doc["recordings"][0]["error"])
     assert "choose another name" in doc["recordings"][1]["error"]
     assert (folders[1] / "thesis.tex").is_file()
+    assert [row["status"] for row in list_recordings(raw, out, OPTIONS)] == ["refused", "open", "ok"]
+    assert prune(raw, out, OPTIONS)["kept"] == 3
+
+
+@pytest.mark.parametrize("content", ["{}", "[]", "null", '{"name": "a", "colour": "red"}'])
+def test_an_entry_that_is_none_is_damaged(analysed: list[str], tmp_path: Path, content: str) -> None:
+    """It ended the campaign as an unexpected error."""
+    raw, out = make(tmp_path / "raw", a="say", b="say"), tmp_path / "out"
+    folder = out / run_campaign(raw, out, OPTIONS)["recordings"][0]["folder"]
+    (folder / store.ENTRY).write_text(content)
+    doc = run_campaign(raw, out, OPTIONS)
+    assert statuses(doc) == {"a": "refused", "b": "ok"}
+    assert re.search(r"entry.json: is damaged .*; delete .* and run again", doc["recordings"][0]["error"])
 
 
 def test_what_an_earlier_index_had_and_this_one_has_not_is_gone(

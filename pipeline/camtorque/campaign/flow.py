@@ -127,7 +127,10 @@ def list_recordings(folder: Path, out: Path, options: RunOptions) -> list[dict[s
 
     def row(item: tuple[str, Path]) -> dict[str, str]:
         key = recording_key(*item, options)
-        entry = read_entry(out / "runs" / key)
+        try:
+            entry = read_entry(out / "runs" / key)
+        except Refusal as refusal:  # as the campaign makes one of it
+            entry = refused(item[0], str(refusal))
         return {"name": item[0], "status": "open" if entry is None else entry.status, "key": key}
 
     with ThreadPoolExecutor(HASHING_THREADS) as threads:
