@@ -130,6 +130,18 @@ def test_times_whose_own_unit_is_none_of_time_are_refused(tmp_path: Path):
         hdf5.read(file, (spec("p", file=file),), "")
 
 
+@pytest.mark.parametrize(("name", "value"), [("Sample_Rate", "1 kHz"), ("dt", [1e-3, 1e-3]), ("t0", "noon")])
+def test_an_attribute_that_is_no_number_is_named(tmp_path: Path, name: str, value: object):
+    """The file was called damaged."""
+    file = tmp_path / "run.h5"
+    with h5py.File(file, "w") as store:
+        store["p"] = TIMES % 0.007
+        store["p"].attrs[name] = value
+    for look in (lambda: hdf5.channels(file), lambda: hdf5.read(file, (spec("p", file=file),), "")):
+        with pytest.raises(Refusal, match=f"data set /p: the attribute {name} is .*, expected a number in Hz or s"):
+            look()
+
+
 def test_times_in_a_group_are_those_though_a_channel_above_has_their_name(tmp_path: Path):
     file = tmp_path / "run.h5"
     with h5py.File(file, "w") as store:
