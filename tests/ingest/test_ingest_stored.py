@@ -81,6 +81,21 @@ def test_a_file_that_was_not_cut_says_that_a_channel_is_empty(tmp_path: Path):
         tdms.read(file, (spec("p", "A", file=file),), "")
 
 
+def test_a_date_of_the_first_sample_does_not_count_the_time_twice_that_stands_beside(tmp_path: Path):
+    """Times of two logs run from midnight and one began five seconds later: it was placed ten seconds later."""
+    begun, file = [], tmp_path / "run.tdms"
+    for late in (0, 5):
+        date = np.datetime64("2026-01-01T12:00:00") + np.timedelta64(late, "s")
+        with TdmsWriter(file) as writer:
+            p = ChannelObject("A", "p", TIMES % 0.007, {"wf_start_time": date})
+            writer.write_segment([p, ChannelObject("A", "Time", TIMES + 43200.0 + late)])
+        (channel,) = tdms.read(file, (spec("p", "A", file=file),), "").channels
+        assert channel.start_time == pytest.approx(43200.0 + late)
+        begun.append(channel.stamp + channel.start_time)
+    assert begun[1] - begun[0] == pytest.approx(5.0)
+    assert begun[0] == pytest.approx(1767268800.0)
+
+
 def test_times_beside_a_data_set_that_is_named_by_its_path(tmp_path: Path):
     file = tmp_path / "run.h5"
     with h5py.File(file, "w") as store:

@@ -44,6 +44,7 @@ class Stored:
     beside : finds a channel beside it by name, with the unit that is stated of that one alone; None where group and
         name find it as well
     dates : samples at which the file states a date, with that in seconds since 1970
+    first_dated : the first of these is that of the first sample whatever time a channel beside gives it, not of time 0
     declared : number of samples that the file states
     if_untimed : findings where neither the file nor a channel beside tells the times
     """
@@ -59,6 +60,7 @@ class Stored:
     time_beside: Callable[[Container[str]], str] | None = None
     beside: Callable[[str], Stored] | None = None
     dates: tuple[tuple[int, float], ...] = ()
+    first_dated: bool = False
     declared: int = 0
     if_untimed: tuple[Finding, ...] = ()
     findings: tuple[Finding, ...] = ()
@@ -146,6 +148,8 @@ def _channel(
                           "mixed up; save both from one recording")  # fmt: skip
     base, date = times_beside(times, unit, spec, where) if times else (_equidistant(spec, item, where), None)
     stamp, index, size = _dated(item, base.rate)
+    if named and item.first_dated and stamp is not None:
+        stamp -= base.start
     if not times:
         told = break_findings(index, size, 1.0 / base.rate, where)
         base = Stamps(base.start, base.rate, tuple(index.tolist()), tuple(size.tolist()), (*base.findings, *told))
