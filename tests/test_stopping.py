@@ -122,6 +122,20 @@ def test_an_interruption_reaches_a_notebook_as_one_whatever_compiled_code_makes_
         fit(None)
 
 
+def test_an_error_after_an_interruption_that_was_handled_is_that_error() -> None:
+    """A notebook that went on in its `except KeyboardInterrupt` was told of another interruption, not of the fault."""
+
+    @on_one_thread
+    def fit() -> None:
+        raise ValueError("no such file")
+
+    try:
+        raise KeyboardInterrupt
+    except KeyboardInterrupt:
+        with pytest.raises(ValueError, match="no such file"):
+            fit()
+
+
 def test_handlers_are_given_back() -> None:
     before = signal.getsignal(signal.SIGTERM)
     with stoppable():

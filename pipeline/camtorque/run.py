@@ -48,6 +48,9 @@ class RunOptions:
     limits: tuple[Limit, ...] = ()
 
     def __post_init__(self) -> None:
+        if not isinstance(self.limits, tuple | list):
+            kind = type(self.limits).__name__
+            raise Refusal(f"RunOptions: found limits of type {kind}, expected a tuple of camtorque.Limit")
         given = ((self.align, AlignOptions), (self.fit, FitOptions), *((limit, Limit) for limit in self.limits))
         for value, kind in given:
             if not isinstance(value, kind):

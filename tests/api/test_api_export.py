@@ -164,6 +164,10 @@ def test_reports_of_one_name_do_not_overwrite_each_other(
     assert len({path.name for path in paths}) == len(folders)
     name = json.loads((report / "result.json").read_text(encoding="utf-8"))["recording"]["name"]
     assert f"{name}_before_case.mat" in {path.name for path in paths}, "the same from wherever the command is given"
+    (tmp_path / "before" / "result.json").write_bytes((report / "result.json").read_bytes())
+    (tmp_path / "before" / "cycles.h5").write_bytes((report / "cycles.h5").read_bytes())
+    paths = exported(tmp_path / "before", tmp_path / "nested", "mat", capsys)
+    assert {path.name for path in paths} == {f"{name}.mat", f"{name}_case.mat"}
 
 
 def test_trend_over_date_speed_and_temperature(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -105,6 +105,16 @@ def test_it_stops_when_there_are_enough(bench: Path, replay: Replay) -> None:
     assert replay.now < DURATION
 
 
+def test_a_pause_after_a_block_is_told_again(bench: Path, replay: Replay) -> None:
+    looks = watch(bench, WatchOptions(every=1.0, block_cycles=8, seconds=60.0), replay.sleep, replay.clock)
+    told = []
+    for pause in (0.0, 1.0, 0.0, 1.0):
+        replay.now -= pause  # the logger writes nothing between two looks
+        told.append(next(item for item in looks if "no such file" not in getattr(item, "reason", "")))
+    assert [type(item) for item in told] == [Block, Waiting, Block, Waiting]
+    assert told[1] == told[3]
+
+
 def test_a_log_that_is_begun_again_is_counted_anew(bench: Path, replay: Replay) -> None:
     looks = watch(bench, WatchOptions(every=1.0, block_cycles=8, seconds=60.0), replay.sleep, replay.clock)
     assert any(isinstance(item, Block) for item in looks)

@@ -255,6 +255,11 @@ def test_one_alone_as_a_shell_completes_its_name_and_none_from_elsewhere(analyse
     for name in ("../other/x", ".half", str(tmp_path / "other" / "x")):
         with pytest.raises(Refusal, match=f"--only {re.escape(name)}: found no such recording"):
             run_only(name, raw, out, OPTIONS)
+    assert run_only(".", raw / "deep" / "c", out, OPTIONS).name == "c"
+    with pytest.raises(Refusal, match="--only '': found no such recording"):
+        run_only("", raw / "deep" / "c", out, OPTIONS)
+    assert cli.main(["campaign", str(raw), "--out", str(out), "--only", ""]) == 2
+    assert not (out / "campaign.json").exists(), "an array job whose variable is not set computes nothing"
 
 
 def test_links_in_a_circle_hold_no_recording(tmp_path):
@@ -320,6 +325,19 @@ def test_one_damaged_folder_stops_no_other(analysed: list[str], tmp_path: Path) 
     assert re.search(r"entry.json: is damaged .*; delete .* and run again", doc["recordings"][0]["error"])
     assert "choose another name" in doc["recordings"][1]["error"]
     assert (folders[1] / "thesis.tex").is_file()
+    assert [row["status"] for row in list_recordings(raw, out, OPTIONS)] == ["refused", "open", "ok"]
+    assert prune(raw, out, OPTIONS)["kept"] == 3
+
+
+@pytest.mark.parametrize("content", ["{}", "[]", "null", '{"name": "a", "colour": "red"}'])
+def test_an_entry_that_is_none_is_damaged(analysed: list[str], tmp_path: Path, content: str) -> None:
+    """It ended the campaign as an unexpected error."""
+    raw, out = make(tmp_path / "raw", a="say", b="say"), tmp_path / "out"
+    folder = out / run_campaign(raw, out, OPTIONS)["recordings"][0]["folder"]
+    (folder / store.ENTRY).write_text(content)
+    doc = run_campaign(raw, out, OPTIONS)
+    assert statuses(doc) == {"a": "refused", "b": "ok"}
+    assert re.search(r"entry.json: is damaged .*; delete .* and run again", doc["recordings"][0]["error"])
 
 
 def test_what_an_earlier_index_had_and_this_one_has_not_is_gone(
@@ -338,13 +356,16 @@ def test_what_an_earlier_index_had_and_this_one_has_not_is_gone(
     assert (out / "fit.json").read_text() == "2"
     (out / "notes.txt").write_text("mine")
     (tmp_path / "elsewhere").write_text("mine")
-    with (out / "SHA256SUMS").open("a") as sums:  # edited by hand
-        sums.write(f"{'0' * 64}  ../elsewhere\n")
+    (out / "figures" / "old.svg").write_text("of more recordings")
+    with (out / "SHA256SUMS").open("a") as sums:  # as an earlier version wrote it, and edited by hand
+        for name in ("notes.txt", "figures/old.svg", "../elsewhere", "."):
+            sums.write(f"{'0' * 64}  {name}\n")
     fitted.clear()
     run_campaign(raw, out, OPTIONS)
     assert not (out / "fit.json").exists()
     assert "fit.json" not in (out / "SHA256SUMS").read_text()
     assert (out / "campaign.html").is_file()
+    assert not (out / "figures" / "old.svg").exists()
     assert (out / "notes.txt").is_file()
     assert (tmp_path / "elsewhere").is_file()
     assert verify(out)[1] == {"notes.txt": "not listed"}

@@ -25,6 +25,14 @@ def test_the_angle_between_two_cycles_is_found(degrees: float) -> None:
     assert angle_between(one, 1.02 * later + 0.5) == pytest.approx(degrees * DEGREE, abs=1e-9 + 2e-4 * abs(degrees))
 
 
+@pytest.mark.parametrize("degrees", [0.3, -2.0, 5.0])
+def test_the_angle_between_two_cycles_of_a_shaft_that_rings_is_no_other_period_of_it(degrees: float) -> None:
+    """A descent from no angle ended at 1.1 degrees for 5."""
+    theta = angle_grid(1800)
+    one = 50.0 * np.exp(8.0 * np.cos(theta) - 8.0) + 5.0 * np.cos(80.0 * theta) * np.exp(-((theta - 1.0) % (2 * np.pi)))
+    assert angle_between(one, 0.9 * at_angle(one, degrees * DEGREE)) == pytest.approx(degrees * DEGREE, abs=1e-4)
+
+
 def test_what_was_not_seen_moves_with_the_trigger() -> None:
     prepared = quick_prepared(*KEY)
     best = prepared.candidates[0]

@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 import pytest
 from camtorque.config import ChannelSpec
-from camtorque.ingest import csv_log, lvm, mf4, read_recording, tdms, xlsx
+from camtorque.ingest import catman, csv_log, lvm, mf4, read_recording, tdms, xlsx
 from camtorque.ingest.csv_layout import SNIFF_BYTES, CsvLayout, sniff
 from camtorque.ingest.csv_log import ALIKE_ROWS, Damage, is_whole_row, parse_block
 from camtorque.ingest.formats import FORMATS
@@ -98,6 +98,9 @@ def test_two_time_channels_of_one_length_are_refused_not_guessed(tmp_path: Path)
     file.write_bytes(file.read_bytes().replace(b"Line_Pressure", b"Line_Pr__time"))
     with pytest.raises(Refusal, match="2 channels may be its time"):
         read_recording(folder)
+    (first,) = catman.read(file, (ChannelSpec("torque", file, "", NAMES["torque"], "V", "L", LOG.rate, "",
+                                              time_channel="Time  1 - default sample rate"),), "").channels  # fmt: skip
+    assert first.sample_rate == LOG.rate
 
 
 def test_mat_versions_and_structs(tmp_path: Path):

@@ -8,11 +8,12 @@ import h5py
 import numpy as np
 import pytest
 from camtorque.config import ChannelSpec
-from camtorque.ingest import hdf5, mf4, tdms
+from camtorque.ingest import hdf5, mat, mf4, tdms
 from camtorque.ingest.raw import ArraySource
 from camtorque.ingest.stored import Stored, among, listing_of, read_stored
 from camtorque.records import Refusal
 from nptdms import ChannelObject, TdmsWriter
+from scipy.io import savemat
 
 RATE = 1000.0
 TIMES = np.arange(400) / RATE
@@ -80,6 +81,21 @@ def test_a_file_that_was_not_cut_says_that_a_channel_is_empty(tmp_path: Path):
         tdms.read(file, (spec("p", "A", file=file),), "")
 
 
+def test_a_date_of_the_first_sample_does_not_count_the_time_twice_that_stands_beside(tmp_path: Path):
+    """Times of two logs run from midnight and one began five seconds later: it was placed ten seconds later."""
+    begun, file = [], tmp_path / "run.tdms"
+    for late in (0, 5):
+        date = np.datetime64("2026-01-01T12:00:00") + np.timedelta64(late, "s")
+        with TdmsWriter(file) as writer:
+            p = ChannelObject("A", "p", TIMES % 0.007, {"wf_start_time": date})
+            writer.write_segment([p, ChannelObject("A", "Time", TIMES + 43200.0 + late)])
+        (channel,) = tdms.read(file, (spec("p", "A", file=file),), "").channels
+        assert channel.start_time == pytest.approx(43200.0 + late)
+        begun.append(channel.stamp + channel.start_time)
+    assert begun[1] - begun[0] == pytest.approx(5.0)
+    assert begun[0] == pytest.approx(1767268800.0)
+
+
 def test_times_beside_a_data_set_that_is_named_by_its_path(tmp_path: Path):
     file = tmp_path / "run.h5"
     with h5py.File(file, "w") as store:
@@ -100,3 +116,61 @@ def test_a_time_channel_that_is_named_holds_in_mdf_as_elsewhere(tmp_path: Path):
     assert (plain.start_time, named.start_time) == (0.0, pytest.approx(5.0))
     with pytest.raises(Refusal, match="no channel 'dq_time' in group 'G', did you mean 'daq_time'"):
         mf4.read(file, (spec("p", "G", "dq_time", file),), "")
+
+
+def test_the_unit_of_a_group_is_that_of_what_was_measured_not_of_its_times(tmp_path: Path):
+    file = tmp_path / "run.h5"
+    with h5py.File(file, "w") as store:
+        group = store.create_group("Torque")
+        group.attrs["unit"] = "V"
+        group["p"], group["time"] = TIMES % 0.007, np.arange(400)
+        group["time"].attrs["scale"] = 1.0 / RATE
+    (channel,) = hdf5.read(file, (spec("p", "Torque", file=file),), "").channels
+    assert (channel.unit, channel.sample_rate) == ("V", RATE)
+    assert [item.name for item in hdf5.channels(file)] == ["p"]  # `camtorque new` had refused all
+    file = tmp_path / "run.mat"
+    savemat(file, {"Torque": {"Data": TIMES % 0.007, "Time": TIMES + 1.0, "units": "V"}})
+    for time in ("", "Time"):
+        (channel,) = mat.read(file, (spec("Data", "Torque", time, file),), "").channels
+        assert (channel.unit, channel.start_time) == ("V", 1.0)
+    assert [(item.name, item.unit, item.sample_rate) for item in mat.channels(file)] == [("Data", "V", RATE)]
+
+
+def test_times_whose_own_unit_is_none_of_time_are_refused(tmp_path: Path):
+    file = tmp_path / "run.h5"
+    with h5py.File(file, "w") as store:
+        store["p"], store["time"] = TIMES % 0.007, TIMES
+        store["time"].attrs["unit"] = "V"
+    with pytest.raises(Refusal, match=r"run\.h5 p time column: unit 'V' is a voltage, expected a time unit"):
+        hdf5.read(file, (spec("p", file=file),), "")
+
+
+@pytest.mark.parametrize(("name", "value"), [("Sample_Rate", "1 kHz"), ("dt", [1e-3, 1e-3]), ("t0", "noon")])
+def test_an_attribute_that_is_no_number_is_named(tmp_path: Path, name: str, value: object):
+    """The file was called damaged."""
+    file = tmp_path / "run.h5"
+    with h5py.File(file, "w") as store:
+        store["p"] = TIMES % 0.007
+        store["p"].attrs[name] = value
+    for look in (lambda: hdf5.channels(file), lambda: hdf5.read(file, (spec("p", file=file),), "")):
+        with pytest.raises(Refusal, match=f"data set /p: the attribute {name} is .*, expected a number in Hz or s"):
+            look()
+
+
+def test_times_in_a_group_are_those_though_a_channel_above_has_their_name(tmp_path: Path):
+    file = tmp_path / "run.h5"
+    with h5py.File(file, "w") as store:
+        store["x"], store["Main/x"], store["Main/p"] = TIMES % 0.007, TIMES + 3.0, TIMES % 0.007
+    first, _ = hdf5.read(file, (spec("p", "Main", file=file), spec("x", file=file)), "").channels
+    assert first.start_time == pytest.approx(3.0)
+
+
+def test_a_time_channel_of_an_mdf_group_is_its_own_though_others_have_that_name(tmp_path: Path):
+    asammdf = pytest.importorskip("asammdf")
+    file = tmp_path / "log.mf4"
+    with asammdf.MDF(version="4.10") as log:
+        for name, begin in (("p", 1.0), ("q", 2.0)):
+            log.append([asammdf.Signal(TIMES % 0.007, TIMES + begin, name=name)], acq_name="G")
+        log.save(file)
+    found = mf4.read(file, tuple(spec(name, "G", "time", file) for name in "pq"), "").channels
+    assert [channel.start_time for channel in found] == [pytest.approx(1.0), pytest.approx(2.0)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -27,6 +28,7 @@ from camtorque.records import Refusal
 from camtorque.report.bundle import CampaignEntry, CampaignResult
 from camtorque.report.campaign_write import write_campaign
 from camtorque.report.checksums import SUMS, listed_files, visible_files, write_checksums
+from camtorque.report.fit_file import NAME as FIT_NAME
 from camtorque.report.folder import output_files
 from camtorque.results import CAMPAIGN
 from camtorque.run import RunOptions
@@ -35,6 +37,8 @@ from camtorque.units import did_you_mean, first_of
 MOST_THUMBNAILS = 200
 """Recordings beyond which the page shows no pictures: it has to stay small enough to scroll."""
 HASHING_THREADS = 4
+OWN_FIGURE = re.compile(r"figures/[^/]+\.svg")
+"""As an index names the figures of a campaign, which are not the same from run to run."""
 
 
 @dataclass(frozen=True)
@@ -103,15 +107,16 @@ def run_only(name: str, folder: Path, out: Path, options: RunOptions, retry_fail
     Refusal : there is no recording of that name; ``out`` holds something else or is full
     """
     # its name is part of its key: "a/", as a shell completes it, is the recording "a", and one outside is none
-    name = os.path.normpath(name)
-    below = not any(part.startswith((".", os.sep)) for part in Path(name).parts)
+    name = os.path.normpath(name) if name else name
+    name = real_path(folder).name if name == os.curdir else name
+    below = bool(name) and not any(part.startswith((".", os.sep)) for part in Path(name).parts)
     places = [*([folder / name] if below else []), *([folder] if name == real_path(folder).name else [])]
     path = next((place for place in places if (place / RECORDING_FILE).is_file()), None)
     if path is None:
         names = list(search(folder)[0])
+        asked, hint = name or "''", did_you_mean(name, names)
         raise Refusal(
-            f"--only {name}: found no such recording{did_you_mean(name, names)}, expected one of {first_of(names, 5)}; "
-            "see --list"
+            f"--only {asked}: found no such recording{hint}, expected one of {first_of(names, 5)}; see --list"
         )
     return run_task(Task(name, path, prepare_folder(out), options, retry_failed))
 
@@ -122,7 +127,10 @@ def list_recordings(folder: Path, out: Path, options: RunOptions) -> list[dict[s
 
     def row(item: tuple[str, Path]) -> dict[str, str]:
         key = recording_key(*item, options)
-        entry = read_entry(out / "runs" / key)
+        try:
+            entry = read_entry(out / "runs" / key)
+        except Refusal as refusal:  # as the campaign makes one of it
+            entry = refused(item[0], str(refusal))
         return {"name": item[0], "status": "open" if entry is None else entry.status, "key": key}
 
     with ThreadPoolExecutor(HASHING_THREADS) as threads:
@@ -200,7 +208,8 @@ def _write_index(out: Path, result: CampaignResult) -> dict[str, Any]:
     """
     if len(result.entries) <= MOST_THUMBNAILS:
         result = replace(result, entries=tuple(_with_thumbnail(out, entry) for entry in result.entries))
-    earlier = {name for name in listed_files(out) if Path(name).parts[0] != "runs"}
+    # an index of an earlier version listed whatever lay beside it, files of the user too
+    earlier = {name for name in listed_files(out) if name == FIT_NAME or OWN_FIGURE.fullmatch(name)}
     with output_files(out) as scratch:
         doc = write_campaign(result, scratch, out)
         written = {path.relative_to(scratch).as_posix() for path in visible_files(scratch)}

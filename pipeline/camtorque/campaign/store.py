@@ -119,14 +119,19 @@ def write_entry(folder: Path, entry: CampaignEntry) -> None:
 
 
 def read_entry(folder: Path) -> CampaignEntry | None:
-    """Return what became of a recording, None where it was not finished."""
+    """Return what became of a recording, None where it was not finished.
+
+    Raises
+    ------
+    Refusal : what was kept of it is damaged
+    """
     try:
         content = json.loads((folder / ENTRY).read_text(encoding="utf-8"))
+        return CampaignEntry(**{key: value for key, value in content.items() if key != "schema"})
     except FileNotFoundError:
         return None
-    except ValueError as error:
+    except (ValueError, TypeError, AttributeError) as error:
         raise Refusal(f"{folder / ENTRY}: is damaged ({error}); delete {folder} and run again") from error
-    return CampaignEntry(**{key: value for key, value in content.items() if key != "schema"})
 
 
 def write_joint_input(folder: Path, item: JointInput) -> None:

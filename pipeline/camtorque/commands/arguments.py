@@ -103,7 +103,7 @@ ARGUMENTS: dict[str, dict[str, Option]] = {
         "--workers": option("N", "processes (default: as many as processors)", whole(1)),
         "--scheduler": option("URL", "running Dask scheduler, tcp://host:8786", str, default=""),
         "--cluster": option("FILE", "batch system to ask for workers (docs/campaigns.md)"),
-        "--only": option("NAME", "one recording by its name of --list; no joint fit", str, default=""),
+        "--only": option("NAME", "one recording by its name of --list; no joint fit", str),
         "--list": flag("name, status and key of every recording; nothing is computed"),
         "--prune": flag("remove results of older inputs, options and versions"),
         "--retry-failed": flag("compute again what was refused before"),

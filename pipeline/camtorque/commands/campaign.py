@@ -18,7 +18,7 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
         found = prune(arguments.folder, arguments.out, run_options(arguments, tell))
         text = f"{found['removed']} older results removed, {found['bytes'] / 1e6:.0f} MB; {found['kept']} kept"
         return Outcome(text, {"schema": "camtorque.prune/1", **found})
-    if arguments.only:
+    if arguments.only is not None:  # an empty name is that of a variable that nothing set
         return _only(arguments, tell)
     how = CampaignOptions(
         arguments.workers, scheduler=arguments.scheduler, cluster=arguments.cluster, retry_failed=arguments.retry_failed

@@ -65,7 +65,8 @@ def _stems(documents: Mapping[str, Any]) -> dict[str, str]:
     above = os.path.commonpath([os.path.abspath(folder) for folder in names])
     stems = {}
     for folder, name in names.items():
-        stem = name if often[name] == 1 else UNSAFE.sub("_", f"{name}_{os.path.relpath(folder, above)}")
+        below = os.path.relpath(folder, above)
+        stem = name if often[name] == 1 or below == os.curdir else UNSAFE.sub("_", f"{name}_{below}")
         numbered = (stem, *(f"{stem}_{k}" for k in range(2, len(names) + 2)))
         stems[folder] = next(one for one in numbered if one not in taken)
         taken.add(stems[folder])

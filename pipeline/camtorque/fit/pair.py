@@ -47,7 +47,9 @@ LEAST_EDGE = np.radians(0.002)
 MOST_WORSE = 300.0
 """Chi-square by which a minimum may explain the first recording worse than the best one and still be compared in."""
 TURNS = 4
-"""Gauss-Newton steps to the angle between two cycles, which lie within a degree."""
+"""Gauss-Newton steps to the angle between two cycles from the best one of their grid."""
+REACH = np.radians(8.0)
+"""Angle within which one cycle is looked for in another: more than any two teeth are mounted apart."""
 COMMON_TIME_BASE = "common time base"
 START_ERROR = 8.0e-6
 """Standard error of the start of a file that shares a time base with others but starts by itself [s]: headers write it
@@ -157,8 +159,11 @@ def at_angle(values: Array, angle: float) -> Array:
 
 def angle_between(one: Array, other: Array) -> float:
     """Return the angle by which one periodic signal (n,) has to be read later to be most like another [rad]."""
-    spectrum = np.fft.rfft(one)
-    orders, angle = np.arange(spectrum.size), 0.0
+    spectrum, step = np.fft.rfft(one), 2.0 * np.pi / one.size
+    orders, reach = np.arange(spectrum.size), round(REACH / step)
+    # a shaft that rings has a next best angle each of its periods, where a descent from none would end
+    alike = np.roll(np.fft.irfft(spectrum * np.conj(np.fft.rfft(other)), one.size), reach)[: 2 * reach + 1]
+    angle = (int(np.argmax(alike)) - reach) * step
     for _ in range(TURNS):
         here = spectrum * np.exp(1j * orders * angle)
         slope, left = (np.fft.irfft(part, one.size) for part in (1j * orders * here, here))

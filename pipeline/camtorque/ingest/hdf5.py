@@ -55,10 +55,15 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     check_heaps(path)
     with refusing(path, "HDF5"), h5py.File(path, "r") as file:
 
+        def beside(group: str, name: str) -> Stored:
+            data, field = _find(file, path, group, name)
+            return _stored(path, data, field, (group, name), data.attrs)  # a group states the unit of what is measured
+
         def find(group: str, name: str) -> Stored:
             data, field = _find(file, path, group, name)
             item = _stored(path, data, field, (group, name), _attributes(data, _rates_in(data.parent)))
-            return item if field else replace(item, findings=_scale_findings(path, data))
+            findings = () if field else _scale_findings(path, data)
+            return replace(item, beside=partial(beside, group), findings=findings)
 
         return read_stored(path, "HDF5", specs, find)
 
@@ -89,15 +94,28 @@ def _stored(
     path: Path, data: h5py.Dataset, field: str, place: tuple[str, str], attributes: Mapping[str, Any]
 ) -> Stored:
     """Return a channel at a place of the file, with what the attributes say of it."""
-    rate, step = (_first(attributes, names) for names in (RATE_NAMES, STEP_NAMES))
+    rate, step, start = (_stated(path, data, attributes, names) for names in (RATE_NAMES, STEP_NAMES, START_NAMES))
     if rate is None and step is not None:
-        rate = 1.0 / float(step) if step else math.inf
-    start, date = _first(attributes, START_NAMES), _epoch(_first(attributes, STAMP_NAMES))
+        rate = 1.0 / step if step else math.inf
+    date = _epoch(_first(attributes, STAMP_NAMES))
     return Stored(
-        *place, _unit(attributes, data, field), _source(path, data, field), None if rate is None else float(rate),
-        None if start is None else float(start), dates=() if date is None else ((0, date),),
+        *place, _unit(attributes, data, field), _source(path, data, field), rate, start,
+        dates=() if date is None else ((0, date),),
         time_beside=partial(_time_beside, path, data, field, place[1]) if rate is None else None,
     )  # fmt: skip
+
+
+def _stated(path: Path, data: h5py.Dataset, attributes: Mapping[str, Any], names: tuple[str, ...]) -> float | None:
+    """Return the number that an attribute of one of some names states, None where there is none."""
+    value = _first(attributes, names)
+    try:
+        return None if value is None else float(value)
+    except (TypeError, ValueError):
+        named = ", ".join(name for name in attributes if plain(name) in names)
+        raise Refusal(
+            f"{path}: data set {data.name}: the attribute {named} is {value!r:.40}, expected a number in Hz or s; "
+            "correct it or take it out"
+        ) from None
 
 
 def _fields(data: h5py.Dataset) -> list[str]:

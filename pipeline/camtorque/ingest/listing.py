@@ -15,7 +15,7 @@ from camtorque.ingest.raw import ArraySource, FileChannel
 from camtorque.ingest.stamps import date_of
 from camtorque.ingest.table_rows import are_changes, at, held, own_rows, rate_of_changes, rows_of, usual_distance
 from camtorque.records import Refusal, SampleSource
-from camtorque.units import BORDER_UNITS, DEGREE, TURN, is_known_unit, tidy_unit, unit_factor
+from camtorque.units import BORDER_UNITS, DEGREE, TURN, UNITS, is_known_unit, tidy_unit, unit_factor
 
 SECONDS = (500.0, 5.0e5)
 """A time without a unit is in seconds where that gives such a rate: milliseconds would be 500 kHz and more [Hz]."""
@@ -157,11 +157,16 @@ def with_times(found: list[FileChannel]) -> tuple[FileChannel, ...]:
     for item in (item for item in found if id(item) not in taken):
         time = own.get((item.group, item.name)) or times.get((item.group, item.n_samples))
         if item.sample_rate is None and time is not None:
-            unit = time_unit(time.name, time.unit)
+            unit = time_unit(time.name, _unit_of_times(time))
             factor = unit_factor(unit, "time", f"{time.name} unit") if unit else 1.0
             item = replace(item, sample_rate=usual_rate(time.source, factor), time_channel=time.name)
         listed_channels.append(item)
     return tuple(listed_channels)
+
+
+def _unit_of_times(item: FileChannel) -> str:
+    """Return the unit of a time channel, "" for one of another quantity: its group states that of what was measured."""
+    return "" if is_known_unit(item.unit) and tidy_unit(item.unit) not in UNITS["time"] else item.unit
 
 
 def usual_rate(times: SampleSource, to_seconds: float = 1.0) -> float | None:

@@ -13,7 +13,9 @@ import re
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from datetime import UTC
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -48,9 +50,16 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read channels of an MDF 4 file with the time base of their group."""
     with _opened(path) as mdf:
         held = _held(mdf)
-        return read_stored(
-            path, "MDF 4", specs, lambda group, name: _stored(path, mdf, *chosen(path, held, group, name))
-        )
+
+        def beside(group: str, number: int, name: str) -> Stored:
+            # groups may have one name, or none, and each has a channel "time"
+            return _stored(path, mdf, *chosen(path, [row for row in held if row[2][1] == number], group, name))
+
+        def find(group: str, name: str) -> Stored:
+            place = chosen(path, held, group, name)
+            return replace(_stored(path, mdf, *place), beside=partial(beside, *place[:2]))
+
+        return read_stored(path, "MDF 4", specs, find)
 
 
 def channels(path: Path) -> tuple[FileChannel, ...]:

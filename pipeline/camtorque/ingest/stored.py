@@ -41,7 +41,10 @@ class Stored:
     rate, start : sampling rate [Hz] and time of sample 0 [s], None where the file does not state them
     times, times_unit : time stamps that belong to it, None where the format has none, and their unit
     time_beside : tells which channel beside it, none of these, holds its times, "" where none does
+    beside : finds a channel beside it by name, with the unit that is stated of that one alone; None where group and
+        name find it as well
     dates : samples at which the file states a date, with that in seconds since 1970
+    first_dated : the first of these is that of the first sample whatever time a channel beside gives it, not of time 0
     declared : number of samples that the file states
     if_untimed : findings where neither the file nor a channel beside tells the times
     """
@@ -55,7 +58,9 @@ class Stored:
     times: SampleSource | None = None
     times_unit: str = "s"
     time_beside: Callable[[Container[str]], str] | None = None
+    beside: Callable[[str], Stored] | None = None
     dates: tuple[tuple[int, float], ...] = ()
+    first_dated: bool = False
     declared: int = 0
     if_untimed: tuple[Finding, ...] = ()
     findings: tuple[Finding, ...] = ()
@@ -132,20 +137,32 @@ def _channel(
     if not count:
         raise Refusal(f"{path}: channel {name!r} holds no samples; the logger wrote none: record it again")
     where, times, unit = f"{path.name} {name}", item.times, item.times_unit
-    taken = {other.channel for other in specs if other.group in ("", item.group)}
-    if named := spec.time_channel or ("" if times or item.time_beside is None else item.time_beside(taken)):
-        beside = find(item.group, named)
+    named = spec.time_channel
+    if not named and times is None and item.time_beside is not None:
+        named = item.time_beside(_taken(item, specs, find))
+    if named:
+        beside = find(item.group, named) if item.beside is None else item.beside(named)
         times, unit = beside.source, time_unit(named, beside.unit)
         if times.n_samples != count:
             raise Refusal(f"{where}: {times.n_samples} times in {named!r} for {count} samples: the file is cut or "
                           "mixed up; save both from one recording")  # fmt: skip
     base, date = times_beside(times, unit, spec, where) if times else (_equidistant(spec, item, where), None)
     stamp, index, size = _dated(item, base.rate)
+    if named and item.first_dated and stamp is not None:
+        stamp -= base.start
     if not times:
         told = break_findings(index, size, 1.0 / base.rate, where)
         base = Stamps(base.start, base.rate, tuple(index.tolist()), tuple(size.tolist()), (*base.findings, *told))
     raw = base.channel(spec.channel, item.unit, item.source, stamp if date is None else date)
     return raw, (*item.findings, *missing_samples(count, item.declared, where), *base.findings)
+
+
+def _taken(item: Stored, specs: tuple[ChannelSpec, ...], find: Find) -> set[str]:
+    """Return the channels of a recording in the group of one of them; a group that is not named may be any or none."""
+    return {
+        other.channel for other in specs
+        if other.group == item.group or (not other.group and find("", other.channel).group == item.group)
+    }  # fmt: skip
 
 
 def _equidistant(spec: ChannelSpec, item: Stored, where: str) -> Stamps:

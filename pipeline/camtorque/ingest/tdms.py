@@ -81,7 +81,8 @@ def _stored(file: TdmsFile, path: Path, channel: TdmsChannel, begun: Mapping[str
     dates = _dates(file, channel, begins) if begins else () if date is None else ((0, date),)
     beside = partial(_time_beside, file, channel, path) if step is None else None
     return Stored(channel.group_name, channel.name, _unit(channel), source, rate, start,
-                  time_beside=beside, dates=dates, declared=int(properties.get("wf_samples", 0)))  # fmt: skip
+                  time_beside=beside, dates=dates, first_dated=True,
+                  declared=int(properties.get("wf_samples", 0)))  # fmt: skip
 
 
 def _unit(channel: TdmsChannel) -> str:

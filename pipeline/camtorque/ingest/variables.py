@@ -8,6 +8,8 @@ else the declared rate.
 from __future__ import annotations
 
 from collections.abc import Container, Mapping
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +33,12 @@ def read_variables(
     """Return the channels that a recording names; ``names`` are all variables of the file, read or not."""
     members = members_of(variables)
 
+    def beside(group: str, name: str) -> Stored:
+        return Stored(group, name, "", ArraySource(_numbers(path, members, (group, name), names)))
+
     def find(group: str, name: str) -> Stored:
-        return _stored(members, group, name, _numbers(path, members, (group, name), names))
+        item = _stored(members, group, name, _numbers(path, members, (group, name), names))
+        return replace(item, beside=partial(beside, group))
 
     return read_stored(path, kind, specs, find)
 

@@ -52,12 +52,17 @@ def end_workers() -> None:
         child.join(0.5)
 
 
-def interruption_behind(error: BaseException) -> KeyboardInterrupt | None:
-    """Return the interruption of which compiled code made another error, None where there was none."""
+def interruption_behind(error: BaseException, handled: BaseException | None) -> KeyboardInterrupt | None:
+    """Return the interruption of which compiled code made another error, None where there was none.
+
+    What the caller was handling before stands behind every error, too.
+    """
     seen: BaseException | None = error
-    while seen is not None and not isinstance(seen, KeyboardInterrupt):
+    while seen is not None and seen is not handled:
+        if isinstance(seen, KeyboardInterrupt):
+            return seen
         seen = seen.__cause__ or seen.__context__
-    return seen
+    return None
 
 
 @contextmanager

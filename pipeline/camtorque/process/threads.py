@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -31,11 +32,12 @@ def on_one_thread(function: Callable[P, T]) -> Callable[P, T]:
 
     @wraps(function)
     def limited(*args: P.args, **kwargs: P.kwargs) -> T:
+        handled = sys.exception()
         try:
             with threadpool_limits(1):
                 return function(*args, **kwargs)
         except Exception as error:
-            stop = interruption_behind(error)
+            stop = interruption_behind(error, handled)
             if stop is None:
                 raise
             raise stop from None
