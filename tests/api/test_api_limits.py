@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 from camtorque import cli
+from camtorque.commands.options import run_options
 from camtorque.config.tables import Refusals
+from camtorque.laws import STATED_NAMES
 from camtorque.limits import UNIT_OF_ENDING, Limit, judge, overall, quantities, read_limits, refuse_unknown
 from camtorque.records import Refusal
 from camtorque.report.write import write_run
@@ -242,6 +244,15 @@ def test_a_run_refuses_a_limit_of_no_parameter_before_it_begins(
     assert cli.main(["run", str(tmp_path), "--out", str(tmp_path / "out"), "--limits", str(file)]) == 2
     assert "found parameter 'leakge', did you mean 'leakage'?" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", ["shaft_damping", "cam_side_inertia", "leakage"])
+def test_a_run_may_have_a_limit_of_whatever_a_result_states(tmp_path: Path, name: str) -> None:
+    file = limits_file(tmp_path, f'[[limit]]\nquantity = "parameters.{name}.value"\nmax = 2.0\n')
+    arguments = cli.build_parser().parse_args(["run", str(tmp_path), "--limits", str(file)])
+    (limit,) = run_options(arguments, lambda text: None).limits
+    assert limit.quantity == f"parameters.{name}.value"
+    refuse_unknown([DOCUMENT], [limit], STATED_NAMES)  # a stiff shaft has none of the first two
 
 
 def test_limits_stand_in_the_result_of_a_run(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import argparse
 
 from camtorque.commands import OUTSIDE, Outcome, Tell
 from camtorque.commands.texts import limit_lines
-from camtorque.laws import ROWS
+from camtorque.laws import STATED_NAMES
 from camtorque.limits import CANNOT_TELL, PASS, judge, limits_document, overall, read_limits, refuse_unknown
 from camtorque.results import read_results, refused_below
 
@@ -14,7 +14,7 @@ from camtorque.results import read_results, refused_below
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     """Judge every report by every limit; exit status 3 unless all pass."""
     limits, documents = read_limits(arguments.file), read_results(arguments.results)
-    refuse_unknown(tuple(documents.values()), limits, ROWS)
+    refuse_unknown(tuple(documents.values()), limits, STATED_NAMES)
     judged = {name: judge(document, limits) for name, document in documents.items()}
     refused = refused_below(arguments.results)
     verdict = overall([row for rows in judged.values() for row in rows])

@@ -8,7 +8,7 @@ from camtorque.align import AlignOptions
 from camtorque.commands import Tell
 from camtorque.commands.arguments import LEAST_GRID
 from camtorque.grid_choice import grid_note
-from camtorque.laws import ROWS
+from camtorque.laws import STATED_NAMES
 from camtorque.limits import read_limits, refuse_unknown_parameters
 from camtorque.records import Refusal, require
 from camtorque.run import RunOptions
@@ -26,7 +26,7 @@ def run_options(arguments: argparse.Namespace, tell: Tell) -> RunOptions:
         require(("weasyprint",), "--pdf", "pdf")
     given = getattr(arguments, "limits", None)
     limits = () if given is None else read_limits(given)
-    refuse_unknown_parameters(limits, tuple(ROWS))
+    refuse_unknown_parameters(limits, STATED_NAMES)
     return RunOptions(_align(arguments, tell), limits=limits)
 
 

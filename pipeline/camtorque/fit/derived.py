@@ -13,16 +13,9 @@ from camtorque.fit.uncertainty import COVERAGE, knowledge, secant_steps
 from camtorque.laws.causes import cam_torques, measured_torques, work_per_revolution
 from camtorque.laws.chain import SHIFT_NAMES, ChainInput, ChainOutput, evaluate
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
-from camtorque.laws.driveline import RIGID, cam_side_inertia
+from camtorque.laws.driveline import FOLLOWING, RIGID, SHAFT_NAMES, cam_side_inertia
 from camtorque.records import APART, TOGETHER, UNTOLD, Array, Estimate, ParameterEstimate, RigidTorque
 
-SHAFT = ("shaft_compliance", "shaft_resonance", "shaft_damping_ratio")
-SHOWN: dict[str, tuple[float, str, str, str, tuple[float, float, float]]] = {
-    "cam_side_inertia": (
-        1.0e-6, "kg mm^2", "I_c", "inertia between transducer and cam, camshaft included", (-1.0, -2.0, 0.0)),
-    "shaft_damping": (1.0, "N m s/rad", "c_t", "damping of the shaft's torsion", (-1.0, -1.0, 1.0)),
-}  # fmt: skip
-"""Quantity -> SI per unit, unit, symbol, meaning, and its exponents of the parameters of `SHAFT`."""
 NOT_CARRIED = "lift_table"
 """The correction of the lift is no parameter of the fit."""
 ANGLE, CHAMBER = "cam angle", "plunger pressure"
@@ -32,14 +25,14 @@ ANGLE, CHAMBER = "cam angle", "plunger pressure"
 def derived_estimates(fit: FittedParameters) -> tuple[ParameterEstimate, ...]:
     """Return inertia on the cam's side and damping of the shaft: log-normal, of a relative deviation to first order."""
     values, _ = fit.problem.values(fit.solution.z, 0)
-    compliance, resonance, ratio = (values[name] for name in SHAFT)
+    compliance, resonance, ratio = (values[name] for name in SHAFT_NAMES)
     if compliance <= RIGID:
         return ()
     found = {"cam_side_inertia": cam_side_inertia(values), "shaft_damping": 2.0 * ratio / (resonance * compliance)}
     rows = []
-    for name, (per, unit, symbol, meaning, exponents) in SHOWN.items():
+    for name, (per, unit, symbol, meaning, exponents) in FOLLOWING.items():
         row = np.zeros(fit.problem.size)
-        for parameter, exponent in zip(SHAFT, exponents, strict=True):
+        for parameter, exponent in zip(SHAFT_NAMES, exponents, strict=True):
             if fit.problem.index(parameter) >= 0:
                 row[fit.problem.index(parameter)] = exponent / values[parameter]
         statistical = float(np.sqrt(row @ fit.deviation @ row))

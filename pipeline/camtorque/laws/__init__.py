@@ -22,6 +22,8 @@ LAWS: dict[str, Law] = {
 
 ROWS: dict[str, ParameterRow] = {row.name: row for law in LAWS.values() for row in law.rows}
 """Every named parameter."""
+STATED_NAMES: tuple[str, ...] = (*ROWS, *driveline.FOLLOWING)
+"""Every parameter that a result may state: fitted, or what follows from these."""
 LAW_OF: dict[str, str] = {row.name: name for name, law in LAWS.items() for row in law.rows}
 """Parameter -> law."""
 LINEAR_NAMES: tuple[str, ...] = tuple(name for law in LAWS.values() for name in law.linear)

@@ -236,6 +236,15 @@ def shift_spectra(spectrum, phase, both, size):  # type: ignore[no-untyped-def]
     return out, at_edge
 
 
+SHAFT_NAMES = ("shaft_compliance", "shaft_resonance", "shaft_damping_ratio")
+FOLLOWING: dict[str, tuple[float, str, str, str, tuple[float, float, float]]] = {
+    "cam_side_inertia": (
+        1.0e-6, "kg mm^2", "I_c", "inertia between transducer and cam, camshaft included", (-1.0, -2.0, 0.0)),
+    "shaft_damping": (1.0, "N m s/rad", "c_t", "damping of the shaft's torsion", (-1.0, -1.0, 1.0)),
+}  # fmt: skip
+"""What follows from `SHAFT_NAMES` -> SI per unit, unit, symbol, meaning, and its exponents of these."""
+
+
 def cam_side_inertia(values: Mapping[str, float]) -> float:
     """Return the inertia on the cam's side, camshaft included [kg m^2]."""
     return 1.0 / (values["shaft_resonance"] ** 2 * max(values["shaft_compliance"], RIGID))
