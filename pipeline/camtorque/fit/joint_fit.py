@@ -16,7 +16,7 @@ import numpy as np
 from camtorque.fit.arrow import Arrow, ArrowCovariance, arrow_inverse
 from camtorque.fit.joint_input import JointInput
 from camtorque.fit.joint_solver import JointSolution, solve_many
-from camtorque.fit.kinds import ARM, OtherKind, other_kind
+from camtorque.fit.kinds import ARM, OtherKind, from_log_odds, other_kind
 from camtorque.fit.minima import attempted
 from camtorque.fit.modelled import modelled
 from camtorque.fit.prepare import INDEPENDENT
@@ -160,6 +160,5 @@ def pin_shift(problem: Problem, solution: JointSolution, covariance: JointCovari
     if other is None:
         return np.zeros(problem.size)
     place = problem.index(ARM)
-    probability = 0.5 * (1.0 + math.tanh(0.5 * other.log_odds))
     along = covariance.arrow.times(np.eye(problem.size)[place]) / covariance.std[place] ** 2
-    return np.asarray(math.sqrt(probability) * other.moved * along)
+    return np.asarray(math.sqrt(from_log_odds(other.log_odds)) * other.moved * along)

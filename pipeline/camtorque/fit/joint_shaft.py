@@ -13,7 +13,7 @@ from camtorque.fit.joint_fit import JointCovariance
 from camtorque.fit.joint_solver import JointSolution, solve_many
 from camtorque.fit.minima import attempted
 from camtorque.fit.problem import Problem, build_problem, started_at, with_rows
-from camtorque.fit.valleys import COMPLIANCE, FACTOR, HELD, MOST_FACTORS, STIFF, WALKED, Valley
+from camtorque.fit.valleys import COMPLIANCE, HELD, HeldValue, softer
 from camtorque.process.threads import Each
 from camtorque.records import Array
 
@@ -29,28 +29,14 @@ def softer_shift(problem: Problem, solution: JointSolution, covariance: JointCov
     still, index = np.zeros(problem.size), problem.index(COMPLIANCE)
     if index < 0:
         return still
-    row, at = problem.parameters[index].row, float(solution.z[index])
-    if at > row.lower + STIFF * covariance.std[index]:
-        return still
-    places = at * FACTOR ** np.arange(1.0, MOST_FACTORS + 1.0)
-    walked = [(at, solution.chi_square, solution)]
-    for point in _held(problem, solution, places[places < row.upper], each):
-        walked.append(point)
-        if point[1] > solution.chi_square + WALKED * covariance.inflation:
-            break
-    data = np.array([end.data_chi_square for _, _, end in walked])
-    prior = np.array([value for _, value, _ in walked]) - data
-    softer = at + Valley(np.array([place for place, _, _ in walked]), data, prior, at).std(covariance.inflation)
-    if not np.isfinite(softer):
-        return still
-    nearest = max((point for point in walked if point[0] <= softer), key=lambda point: point[0])[2]
-    return next((end.z - solution.z for _, _, end in _held(problem, nearest, np.array([softer]), each)), still)
+    stiff = HeldValue(float(solution.z[index]), solution.chi_square, solution.data_chi_square, solution)
+    row, std = problem.parameters[index].row, float(covariance.std[index])
+    end = softer(stiff, row, std, covariance.inflation, lambda near, places: _held(problem, near, places, each))
+    return still if end is None else np.asarray(end.z - solution.z)
 
 
-def _held(
-    problem: Problem, solution: JointSolution, places: Array, each: Each
-) -> Iterator[tuple[float, float, JointSolution]]:
-    """Yield joint minima with the compliance held, each from the one before: place, chi-square with all priors, end."""
+def _held(problem: Problem, solution: JointSolution, places: Array, each: Each) -> Iterator[HeldValue[JointSolution]]:
+    """Yield joint minima with the compliance held, each from the one before."""
     mean, std = problem.parameters[problem.index(COMPLIANCE)].row.prior or (0.0, np.inf)
     for place in places.tolist():
         there = {COMPLIANCE: {"start": place, "prior": (place, HELD)}}
@@ -59,4 +45,4 @@ def _held(
         if end is None:
             return
         solution = end
-        yield place, end.chi_square + ((place - mean) / std) ** 2, end
+        yield HeldValue(place, end.chi_square + ((place - mean) / std) ** 2, end.data_chi_square, end)

@@ -141,12 +141,17 @@ def pin_decided(minima: Sequence[Candidate], halves: Halves) -> tuple[list[Candi
     odds = None if bush is None else log_odds(bush, needles)
     if bush is None or odds is None:
         return list(minima), None
-    probability = 0.5 * (1.0 + math.tanh(0.5 * odds))
+    probability = from_log_odds(odds)
     if probability < 0.5:
         return list(minima), OtherPin(bush, probability)
     rest = in_two(partial(_in_bush, halves), minima[1:])
     kept = sorted((item for item in rest if item), key=lambda item: item.value)
     return [bush, *kept], OtherPin(needles, 1.0 - probability)
+
+
+def from_log_odds(log_odds: float) -> float:
+    """Return the probability that odds of that logarithm are."""
+    return 0.5 * (1.0 + math.tanh(0.5 * log_odds))
 
 
 def log_odds(bush: Candidate, needles: Candidate) -> float | None:

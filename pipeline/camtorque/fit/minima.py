@@ -47,6 +47,11 @@ class Candidate:
         return self.solution.chi_square + self.holdout_penalty + self.light_cam_penalty
 
     @property
+    def data_value(self) -> float:
+        """Chi-square without priors, as the mean over both halves of the cycles."""
+        return self.solution.data_chi_square + self.holdout_penalty
+
+    @property
     def basin(self) -> Basin:
         """Where descents of the same problem with the same lift correction have come back to this minimum."""
         return Basin(self.solution.z, self.solution.chi_square, self.solution.hessian)

@@ -43,6 +43,7 @@ OUTCOMES = ("trigger_offset", "dead_volume", "leakage", "bearing_arm", "shaft_co
 SETUP_MINUTES, TOOTH_MINUTES = 10.0, 45.0
 """What it costs to set a point and to fit a second tooth."""
 ROUNDING = 1.0e-6
+"""Share by which the information of a sum may fall short of its part."""
 MOST_RUNS = 6
 AS_GOOD = 1.01
 """An uncertainty of so many times what is wanted is as good: it is printed with two digits."""

@@ -17,9 +17,10 @@ looks narrow where the compliance is at its bound.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from camtorque.fit.problem import FitData, with_rows, with_starts
 from camtorque.fit.search import UNSURE
 from camtorque.fit.starts import ringing_alike
 from camtorque.fit.uncertainty import covariance
+from camtorque.laws.rows import ParameterRow
 from camtorque.process.second_process import in_two
 from camtorque.records import Array, ReadOnly
 from camtorque.units import DEGREE
@@ -63,8 +65,16 @@ WALKED = 9.0
 """Rise of chi-square at which a walk ends: three standard deviations."""
 DEEPER = 1.0
 """Fall of chi-square on the walk from which a minimum is sought there; it has to gain `GAINED`."""
-HeldValue = tuple[float, float, Candidate]
-"""Value that was held [SI], chi-square there with the priors, and the fit."""
+E = TypeVar("E")
+
+
+class HeldValue(NamedTuple, Generic[E]):
+    """Value that was held [SI], chi-square there with the priors and without, and the fit, of one recording or many."""
+
+    place: float
+    chi_square: float
+    data_chi_square: float
+    end: E
 
 
 def starts_turned_round(best: Candidate) -> list[FitData]:
@@ -154,15 +164,15 @@ def profile_trigger_angle(best: Candidate, halves: Halves) -> tuple[Candidate, V
     """
     for _ in range(ROUNDS):
         points = _walked(best, halves)
-        deepest = min(points, key=lambda point: point[1])
-        if deepest[1] > best.value - DEEPER:
+        deepest = min(points, key=lambda point: point.chi_square)
+        if deepest.chi_square > best.value - DEEPER:
             break
         prior = best.data.rows[TRIGGER_ANGLE].prior
-        freed = halves.minimum(at_minimum, with_rows(deepest[2].data, {TRIGGER_ANGLE: {"prior": prior}}))
+        freed = halves.minimum(at_minimum, with_rows(deepest.end.data, {TRIGGER_ANGLE: {"prior": prior}}))
         if freed is None or freed.value > best.value - GAINED:
             break
         best = freed
-    return best, _valley(best, TRIGGER_ANGLE, points)
+    return best, _valley(_unheld(best, TRIGGER_ANGLE).place, points)
 
 
 def softer_shaft(best: Candidate, halves: Halves) -> Candidate | None:
@@ -170,52 +180,78 @@ def softer_shaft(best: Candidate, halves: Halves) -> Candidate | None:
 
     It is None of a shaft that yields enough, and where the valley leads nowhere.
     """
-    index, row = best.problem.index(COMPLIANCE), best.data.rows[COMPLIANCE]
+    index = best.problem.index(COMPLIANCE)
     if index < 0:
         return None
-    at, cov = float(best.solution.z[index]), covariance(best.problem, best.solution)
-    if at > row.lower + STIFF * cov.std[index]:
+    cov = covariance(best.problem, best.solution)
+
+    def held(near: Candidate, places: Array) -> Iterator[HeldValue[Candidate]]:
+        return _held(near, halves, COMPLIANCE, places)
+
+    return softer(_unheld(best, COMPLIANCE), best.data.rows[COMPLIANCE], float(cov.std[index]), cov.inflation, held)
+
+
+def softer(
+    stiff: HeldValue[E],
+    row: ParameterRow,
+    std: float,
+    inflation: float,
+    held: Callable[[E, Array], Iterable[HeldValue[E]]],
+) -> E | None:
+    """Return the fit with a shaft that is more compliant by the deviation of the valley, None as in `softer_shaft`.
+
+    Parameters
+    ----------
+    stiff : the minimum, whose compliance is free
+    row, std, inflation : of the compliance, its standard deviation there [SI], and that of the residual's variance
+    held : fit and compliances [SI] -> fits with these held, each from the one before
+    """
+    if stiff.place > row.lower + STIFF * std:
         return None
-    places = np.asarray(at * FACTOR ** np.arange(1.0, MOST_FACTORS + 1.0), dtype=np.float64)
-    ends = _held(best, halves, COMPLIANCE, places[places < row.upper])
-    points = [(at, best.value, best), *_until_risen(ends, best.value, WALKED * cov.inflation)]
-    softer = at + _valley(best, COMPLIANCE, points).std(cov.inflation)
-    if not np.isfinite(softer):
+    places = np.asarray(stiff.place * FACTOR ** np.arange(1.0, MOST_FACTORS + 1.0), dtype=np.float64)
+    ends = held(stiff.end, places[places < row.upper])
+    points = [stiff, *_until_risen(ends, stiff.chi_square, WALKED * inflation)]
+    yielding = stiff.place + _valley(stiff.place, points).std(inflation)
+    if not np.isfinite(yielding):
         return None
-    nearest = max((point for point in points if point[0] <= softer), key=lambda point: point[0])[2]
-    return next((end for _, _, end in _held(nearest, halves, COMPLIANCE, np.array([softer]))), None)
+    nearest = max((point for point in points if point.place <= yielding), key=lambda point: point.place)
+    return next((point.end for point in held(nearest.end, np.array([yielding]))), None)
 
 
-def _valley(best: Candidate, name: str, points: list[HeldValue]) -> Valley:
-    places, values = np.array([point[:2] for point in points]).T
-    of_data = np.array([end.solution.data_chi_square + end.holdout_penalty for _, _, end in points])
-    return Valley(places, of_data, values - of_data, float(best.solution.z[best.problem.index(name)]))
+def _valley(at: float, points: Sequence[HeldValue[E]]) -> Valley:
+    places, values, of_data = np.array([point[:3] for point in points]).T
+    return Valley(places, of_data, values - of_data, at)
 
 
-def _walked(best: Candidate, halves: Halves) -> list[HeldValue]:
+def _unheld(best: Candidate, name: str) -> HeldValue[Candidate]:
+    """Return a minimum as the value that a parameter has there, which nothing holds."""
+    return HeldValue(float(best.solution.z[best.problem.index(name)]), best.value, best.data_value, best)
+
+
+def _walked(best: Candidate, halves: Halves) -> list[HeldValue[Candidate]]:
     """Return all points in order."""
     index = best.problem.index(TRIGGER_ANGLE)
     cov = covariance(best.problem, best.solution)
     std = float(cov.std[index])
     step = min(max(STEP_SHARE * std, STEPS_DEG[0] * DEGREE), STEPS_DEG[1] * DEGREE)
-    points, rise = [(float(best.solution.z[index]), best.value, best)], WALKED * cov.inflation
+    points, rise = [_unheld(best, TRIGGER_ANGLE)], WALKED * cov.inflation
     for walked in in_two(partial(_one_way, best, halves, rise), (step, -step)):
-        points += _until_risen(walked, min(point[1] for point in points), rise)
-    return sorted(points, key=lambda point: point[0])
+        points += _until_risen(walked, min(point.chi_square for point in points), rise)
+    return sorted(points, key=lambda point: point.place)
 
 
-def _until_risen(points: Iterable[HeldValue], least: float, rise: float) -> list[HeldValue]:
+def _until_risen(points: Iterable[HeldValue[E]], least: float, rise: float) -> list[HeldValue[E]]:
     """Return points up to the first whose chi-square is that far above the least of them and what was the least."""
     kept = []
     for point in points:
         kept.append(point)
-        least = min(least, point[1])
-        if point[1] > least + rise:
+        least = min(least, point.chi_square)
+        if point.chi_square > least + rise:
             break
     return kept
 
 
-def _one_way(best: Candidate, halves: Halves, rise: float, step: float) -> list[HeldValue]:
+def _one_way(best: Candidate, halves: Halves, rise: float, step: float) -> list[HeldValue[Candidate]]:
     """Return steps away from a minimum until chi-square has risen."""
     row = best.data.rows[TRIGGER_ANGLE]
     places = float(best.solution.z[best.problem.index(TRIGGER_ANGLE)]) + step * np.arange(1.0, MOST_STEPS + 1.0)
@@ -223,7 +259,7 @@ def _one_way(best: Candidate, halves: Halves, rise: float, step: float) -> list[
     return _until_risen(_held(best, halves, TRIGGER_ANGLE, inside), best.value, rise)
 
 
-def _held(best: Candidate, halves: Halves, name: str, places: Array) -> Iterator[HeldValue]:
+def _held(best: Candidate, halves: Halves, name: str, places: Array) -> Iterator[HeldValue[Candidate]]:
     """Yield fits with a parameter held, each from the one before, with the lift correction of the minimum."""
     mean, std = best.data.rows[name].prior or (0.0, np.inf)
     item = best.data
@@ -233,4 +269,4 @@ def _held(best: Candidate, halves: Halves, name: str, places: Array) -> Iterator
         if end is None:
             return
         item = end.data
-        yield place, end.value + ((place - mean) / std) ** 2, end
+        yield HeldValue(place, end.value + ((place - mean) / std) ** 2, end.data_value, end)
