@@ -26,6 +26,7 @@ from camtorque.fit.single import switching_shift, switching_std
 from camtorque.fit.solver import solve
 from camtorque.fit.truncated import Gaussian
 from camtorque.fit.uncertainty import covariance
+from camtorque.laws.chain import derivative_by
 from camtorque.records import EITHER_LOSS, AngleError
 from fit_cases import bridged, quick
 
@@ -250,3 +251,19 @@ def test_what_the_switch_may_be_late_is_in_the_trigger_angle_alone():
     assert shift[problem.index("trigger_offset")] == pytest.approx(np.radians(0.03))
     assert np.count_nonzero(shift) == 1
     assert switching_std(replace(cycles, angle_errors=())) == 0.0
+
+
+@pytest.mark.parametrize(("viscous", "verdict"), [(0.0, "not needed"), (11.0, "cannot tell"), (18.0, "needed")])
+def test_damping_is_needed_where_one_part_of_it_is(viscous, verdict):
+    """A plunger's film has a shape of its own, which does not get lost beside a constant that nobody knows."""
+    key = ("chamber_only", 0, 1000.0)
+    found, odd_even = quick(key), mean_cycles(bridged(key)[1]).odd_even
+    added = viscous * derivative_by(found.solution.output, ["plunger_viscous"])[:, 0]
+    problem = build_problem([replace(item, torque=item.torque + added) for item in found.problem.data])
+    solution = solve(problem, found.solution.z, Effort(25), found.solution.lift)
+    rows = loss_evidence(problem, solution, covariance(problem, solution), odd_even)
+    row = next(row for row in rows if row.name == "damping")
+    assert row.verdict == verdict
+    assert (row.two_ln_bayes_factor > NEEDED) == (verdict == "needed")
+    assert ("viscous drag of plunger and follower" in row.text) == (verdict == "needed")
+    assert EITHER_LOSS not in {row.name for row in rows}

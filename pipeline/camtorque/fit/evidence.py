@@ -11,9 +11,10 @@ where g is the slope left at a minimum against the bounds and g'Cg what these co
 
 *Needed*: 2 ln K above `NEEDED`. *Not needed*: both below `NOT_NEEDED` and the loss
 small whatever the data allow, against the scatter of the cycles and against the torque itself (a small K alone is not
-absence); it may be twice as large where both are below `SURELY_NOT`. Else the data cannot tell. Friction is sized
-by what varies over the revolution: no bearing, pin, or guide has a constant alone, and how much of that is drag, how
-much the transducer's zero, hardly any recording can tell.
+absence); it may be twice as large where both are below `SURELY_NOT`. Else the data cannot tell. A loss is needed where
+one part of it is, however little is known of the others (an unknown constant takes 4 to 7 from all of damping).
+Friction is sized by what varies over the revolution: no bearing, pin, or guide has a constant alone, and how much of
+that is drag, how much the transducer's zero, hardly any recording can tell.
 Sources: Dickey, Ann. Math. Statist. 42 (1971); Kass & Raftery, JASA 90 (1995).
 """
 
@@ -114,7 +115,8 @@ def loss_evidence(problem: Problem, solution: Solution, cov: Covariance, odd_eve
         places = {name: np.array([k for k in map(problem.index, MEMBERS[name]) if k >= 0]) for name in names}
         quickly = {name: savage_dickey(posterior, prior, chosen) for name, chosen in places.items()}
         close = [name for name, quick in quickly.items() if quick < REFIT_BELOW or name == "driveline"]
-        refits = dict(zip(close, in_two(partial(_refitted, problem, solution, cov), close), strict=True))
+        without = in_two(partial(_refitted, problem, solution, cov), [MEMBERS[name] for name in close])
+        refits = dict(zip(close, without, strict=True))
         return [
             _judged(
                 problem, solution, posterior, (name, at), (quickly[name], refits.get(name, np.nan) - full), odd_even
@@ -122,7 +124,18 @@ def loss_evidence(problem: Problem, solution: Solution, cov: Covariance, odd_eve
             for name, at in places.items()
         ]
 
-    found = weighed(tuple(LOSSES))
+    def by_part(row: LossEvidence) -> LossEvidence:
+        members = [name for name in MEMBERS[row.name] if problem.index(name) >= 0]
+        if row.name not in APART or row.verdict == "needed" or not members:
+            return row
+        parts = {name: savage_dickey(posterior, prior, np.array([problem.index(name)])) for name in members}
+        best = max(parts, key=parts.__getitem__)
+        if parts[best] <= 0.0:
+            return row
+        factor = _refitted(problem, solution, cov, (best,)) - full - 2.0 * math.log(len(members))
+        return _needed_for(row, best, factor) if factor > NEEDED else row
+
+    found = [by_part(row) for row in weighed(tuple(LOSSES))]
     apart = any(row.verdict == "needed" for row in found if row.name in APART)
     together = [] if apart else [row for row in weighed([EITHER_LOSS]) if row.verdict == "needed"]
     return (*found, *together)
@@ -149,6 +162,13 @@ def _judged(
     return LossEvidence(name, factor, verdict, not np.isnan(refit), size, interval, unit, text)
 
 
+def _needed_for(row: LossEvidence, part: str, factor: float) -> LossEvidence:
+    """Return a loss that is needed because one part of it is, whose factor has paid for the choice among the parts."""
+    size = f"({row.size:.2g} {row.unit} rms; {strength(factor)})"
+    text = f"the data need {row.name} {size}: {laws.ROWS[part].meaning}, whatever the rest of it is"
+    return replace(row, two_ln_bayes_factor=factor, verdict="needed", confirmed_by_refit=True, text=text)
+
+
 def where_unexplained(evidence: tuple[LossEvidence, ...]) -> tuple[LossEvidence, ...]:
     """Return the evidence of a fit that leaves something unexplained: what it does not need may be what is missing."""
     return tuple(
@@ -157,9 +177,9 @@ def where_unexplained(evidence: tuple[LossEvidence, ...]) -> tuple[LossEvidence,
     )  # fmt: skip
 
 
-def _refitted(problem: Problem, solution: Solution, cov: Covariance, name: str) -> float:
-    """Return -2 ln Z of the fit without a loss."""
-    fewer = build_problem(problem.data, dict.fromkeys(MEMBERS[name], 0.0))
+def _refitted(problem: Problem, solution: Solution, cov: Covariance, names: tuple[str, ...]) -> float:
+    """Return -2 ln Z of the fit without some parameters."""
+    fewer = build_problem(problem.data, dict.fromkeys(names, 0.0))
     kept = dict(zip(problem.names, solution.z, strict=True))
     start = np.array([kept[name] for name in fewer.names])
     try:
