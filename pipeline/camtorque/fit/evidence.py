@@ -21,8 +21,8 @@ Sources: Dickey, Ann. Math. Statist. 42 (1971); Kass & Raftery, JASA 90 (1995).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -62,6 +62,10 @@ LOSSES: dict[str, tuple[str, ...]] = {
 MEMBERS = {**LOSSES, EITHER_LOSS: tuple(name for loss in APART for name in LOSSES[loss])}
 """The same, and both together: told where one of them is needed and it cannot be decided which, as of a constant at one
 speed."""
+
+
+Refits = Callable[[Sequence[tuple[str, ...]]], list[float]]
+"""2 ln K for sets of parameters, each by a fit without them."""
 
 
 def savage_dickey(posterior: Gaussian, prior: Gaussian, chosen: Array) -> float:
@@ -105,53 +109,83 @@ def laplace(problem: Problem, solution: Solution, inflation: float) -> float:
     return chi + float(np.linalg.slogdet(scaled)[1]) - 2.0 * inside + 2.0 * prior_inside
 
 
+@dataclass(frozen=True)
+class Weighed:
+    """A fit of one recording or more as its losses are weighed.
+
+    Attributes
+    ----------
+    names, best : of the parameters that all its recordings share, and their values, (k,) [SI]
+    posterior, prior : what is known of them with and without the data
+    outputs : of its recordings at the minimum
+    small : rms torque below which a loss is small [N m]
+    """
+
+    names: tuple[str, ...]
+    best: Array
+    posterior: Gaussian
+    prior: Gaussian
+    outputs: tuple[ChainOutput, ...]
+    small: float
+
+    def members(self, loss: str) -> tuple[str, ...]:
+        """Return the parameters that vanish with a loss."""
+        return tuple(name for name in MEMBERS[loss] if name in self.names)
+
+    def places(self, names: Sequence[str]) -> Array:
+        """Return where parameters stand."""
+        return np.array([self.names.index(name) for name in names], dtype=int)
+
+    def factor(self, names: Sequence[str]) -> float:
+        """Return 2 ln K for parameters against zero, by the Savage-Dickey ratio."""
+        return savage_dickey(self.posterior, self.prior, self.places(names))
+
+
+def small_torque(odd_even: float, mean: float) -> float:
+    """Return the rms torque below which a loss is small, by the cycles' scatter and the mean torque [N m]."""
+    return min(SMALL_TORQUE * odd_even, SMALL_SHARE * abs(mean))
+
+
 def loss_evidence(problem: Problem, solution: Solution, cov: Covariance, odd_even: float) -> tuple[LossEvidence, ...]:
     """Return the evidence for every loss of one recording's fit, the chamber's aside, and for two together."""
+    small = small_torque(odd_even, float(np.mean(problem.data[0].torque)))
     posterior = posterior_at(problem, solution, cov.matrix, cov.inflation)
     prior = prior_of(problem, cov.prior_std)
+    fit = Weighed(problem.names, solution.z, posterior, prior, (solution.output,), small)
     full = laplace(problem, solution, cov.inflation)
 
+    def refitted(left_out: Sequence[tuple[str, ...]]) -> list[float]:
+        return [value - full for value in in_two(partial(_refitted, problem, solution, cov), left_out)]
+
+    return evidence_of(fit, tuple(LOSSES), refitted)
+
+
+def evidence_of(fit: Weighed, losses: Sequence[str], refitted: Refits | None = None) -> tuple[LossEvidence, ...]:
+    """Return the evidence for some losses, and for friction or damping where it cannot be decided which.
+
+    Parameters
+    ----------
+    refitted : 2 ln K for sets of parameters by fits without them; None of a fit whose Gaussian is good enough
+    """
+
     def weighed(names: Sequence[str]) -> list[LossEvidence]:
-        places = {name: np.array([k for k in map(problem.index, MEMBERS[name]) if k >= 0]) for name in names}
-        quickly = {name: savage_dickey(posterior, prior, chosen) for name, chosen in places.items()}
+        quickly = {name: fit.factor(fit.members(name)) for name in names}
         close = [name for name, quick in quickly.items() if quick < REFIT_BELOW or name == "driveline"]
-        without = in_two(partial(_refitted, problem, solution, cov), [MEMBERS[name] for name in close])
-        refits = dict(zip(close, without, strict=True))
-        return [
-            _judged(
-                problem, solution, posterior, (name, at), (quickly[name], refits.get(name, np.nan) - full), odd_even
-            )
-            for name, at in places.items()
-        ]
+        refits = dict(zip(close, refitted([MEMBERS[name] for name in close]), strict=True)) if refitted else {}
+        return [_judged(fit, name, quick, refits.get(name, np.nan)) for name, quick in quickly.items()]
 
-    def by_part(row: LossEvidence) -> LossEvidence:
-        members = [name for name in MEMBERS[row.name] if problem.index(name) >= 0]
-        if row.name not in APART or row.verdict == "needed" or not members:
-            return row
-        parts = {name: savage_dickey(posterior, prior, np.array([problem.index(name)])) for name in members}
-        best = max(parts, key=parts.__getitem__)
-        if parts[best] <= 0.0:
-            return row
-        factor = _refitted(problem, solution, cov, (best,)) - full - 2.0 * math.log(len(members))
-        return _needed_for(row, best, factor) if factor > NEEDED else row
-
-    found = [by_part(row) for row in weighed(tuple(LOSSES))]
+    found = [_by_part(fit, row, refitted) for row in weighed(losses)]
     apart = any(row.verdict == "needed" for row in found if row.name in APART)
     together = [] if apart else [row for row in weighed([EITHER_LOSS]) if row.verdict == "needed"]
     return (*found, *together)
 
 
-def _judged(
-    problem: Problem, solution: Solution, posterior: Gaussian, loss: tuple[str, Array], factors: tuple[float, float],
-    odd_even: float,
-) -> LossEvidence:  # fmt: skip
-    """Return the verdict on a loss (name, places of its parameters) by its factors: without and with a refit."""
-    (name, chosen), (quick, refit) = loss, factors
-    size, interval, unit = _size(problem, solution, posterior, chosen, name)
+def _judged(fit: Weighed, name: str, quick: float, refit: float) -> LossEvidence:
+    """Return the verdict on a loss by its factors: without and with a refit, nan where none was made."""
+    size, interval, unit = _size(fit, name)
     factor = refit if name == "driveline" and not np.isnan(refit) else quick
-    small = min(SMALL_TORQUE * odd_even, SMALL_SHARE * abs(float(np.mean(problem.data[0].torque))))
     highest = quick if np.isnan(refit) else max(quick, refit)
-    small = float(np.degrees(SMALL_ANGLE)) if unit == "deg" else small
+    small = float(np.degrees(SMALL_ANGLE)) if unit == "deg" else fit.small
     limit = 2.0 * small if highest < SURELY_NOT else small
     verdict = "cannot tell"
     if factor > NEEDED:
@@ -162,11 +196,20 @@ def _judged(
     return LossEvidence(name, factor, verdict, not np.isnan(refit), size, interval, unit, text)
 
 
-def _needed_for(row: LossEvidence, part: str, factor: float) -> LossEvidence:
-    """Return a loss that is needed because one part of it is, whose factor has paid for the choice among the parts."""
+def _by_part(fit: Weighed, row: LossEvidence, refitted: Refits | None) -> LossEvidence:
+    """Return a torque loss as needed where one part of it is, whose factor pays for the choice among the parts."""
+    if row.name not in APART or row.verdict == "needed":
+        return row
+    members = fit.members(row.name)
+    factor, part = max(((fit.factor((name,)), name) for name in members), default=(-np.inf, ""))
+    if factor <= 0.0:
+        return row
+    factor = (refitted([(part,)])[0] if refitted else factor) - 2.0 * math.log(len(members))
+    if not factor > NEEDED:
+        return row
     size = f"({row.size:.2g} {row.unit} rms; {strength(factor)})"
     text = f"the data need {row.name} {size}: {laws.ROWS[part].meaning}, whatever the rest of it is"
-    return replace(row, two_ln_bayes_factor=factor, verdict="needed", confirmed_by_refit=True, text=text)
+    return replace(row, two_ln_bayes_factor=factor, verdict="needed", confirmed_by_refit=bool(refitted), text=text)
 
 
 def where_unexplained(evidence: tuple[LossEvidence, ...]) -> tuple[LossEvidence, ...]:
@@ -189,28 +232,25 @@ def _refitted(problem: Problem, solution: Solution, cov: Covariance, names: tupl
     return laplace(fewer, found, cov.inflation)
 
 
-def _size(
-    problem: Problem, solution: Solution, posterior: Gaussian, chosen: Array, name: str
-) -> tuple[float, tuple[float, float], str]:
+def _size(fit: Weighed, name: str) -> tuple[float, tuple[float, float], str]:
     """Return how much a loss moves the mean cycle, with 95 % interval: rms torque [N m] or rms twist [deg]."""
-    output, inside = solution.output, posterior.within
-    lower, upper = problem.bounds
+    members, inside = fit.members(name), fit.posterior.within
+    chosen = fit.places(members)
     root = np.linalg.cholesky(inside.matrix[np.ix_(chosen, chosen)] + 1e-30 * np.eye(chosen.size))
     normal = np.random.default_rng(1).standard_normal((SIZE_DRAWS, chosen.size))
-    drawn = np.clip(inside.mean[chosen] + normal @ root.T, lower[chosen], upper[chosen])
-    columns = _columns(problem, output, chosen, name)
+    drawn = np.clip(inside.mean[chosen] + normal @ root.T, fit.posterior.lower[chosen], fit.posterior.upper[chosen])
+    columns = np.concatenate([_columns(output, members, name) for output in fit.outputs])
     scale = 180.0 / np.pi if name == "driveline" else 1.0
     sizes = scale * np.sqrt(np.mean((drawn @ columns.T) ** 2, axis=1))
-    own = scale * float(np.sqrt(np.mean((columns @ solution.z[chosen]) ** 2)))
+    own = scale * float(np.sqrt(np.mean((columns @ fit.best[chosen]) ** 2)))
     low, high = np.quantile(sizes, [0.025, 0.975])
     return own, (float(low), float(high)), "deg" if name == "driveline" else "N m"
 
 
-def _columns(problem: Problem, output: ChainOutput, chosen: Array, name: str) -> Array:
-    names = [problem.parameters[k].row.name for k in chosen]
-    if name != "driveline":
-        columns = derivative_by(output, names)
-        return columns - np.mean(columns, axis=0) if name in VARYING else columns
+def _columns(output: ChainOutput, names: Sequence[str], loss: str) -> Array:
+    if loss != "driveline":
+        columns = derivative_by(output, list(names))
+        return columns - np.mean(columns, axis=0) if loss in VARYING else columns
     shifts = output.motion.shifts[0][:, [SHIFT_NAMES.index(member) for member in names]]
     return np.asarray(shifts - np.mean(shifts, axis=0))
 
