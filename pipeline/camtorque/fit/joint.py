@@ -30,6 +30,7 @@ from camtorque.fit.joint_fit import (
     JointFit,
     JointRecording,
     joint_covariance,
+    joint_evidence,
     joint_recording,
     pin_shift,
     residual_covariance,
@@ -57,7 +58,7 @@ from camtorque.fit.single import PIN, SOFTER, SWITCHING, switching_shift
 from camtorque.fit.solver import approach, lift_at, try_at
 from camtorque.fit.starts import SEARCH_LIFT_CUT, chi_square_at_start, ends_at
 from camtorque.process.threads import Each, in_turn, side_by_side
-from camtorque.records import Array, Finding, ParameterEstimate, Refusal
+from camtorque.records import Array, Finding, LossEvidence, ParameterEstimate, Refusal
 from camtorque.units import DEGREE
 
 MOST_ANCHORS = 8
@@ -79,7 +80,7 @@ class CampaignFit:
     """The joint fit: shared parameters, every recording's result, predictions of left-out recordings.
 
     ``covariance`` is that of the free parameters ``free``, at ``values`` (k,) [SI]; ``residual_covariance`` and
-    ``lift`` are as in `known_fit.KnownFit`.
+    ``lift`` are as in `known_fit.KnownFit`; ``evidence`` says whether the pump needs friction and damping.
     """
 
     names: tuple[str, ...]
@@ -94,6 +95,7 @@ class CampaignFit:
     findings: tuple[Finding, ...]
     residual_covariance: ArrowCovariance | None
     lift: SharedLift
+    evidence: tuple[LossEvidence, ...]
 
 
 def anchors(inputs: Sequence[FittedAlone]) -> list[int]:
@@ -276,11 +278,11 @@ def _fit_joint(known: Sequence[FittedAlone], read: Callable[[int], JointInput], 
     fit = joint_fit_of(used, problem, solution, drifts, each)
     others = left_out(fit)
 
-    def told(index: int) -> tuple[JointRecording, Predicted]:
+    def told(index: int) -> tuple[JointRecording, Predicted, float]:
         item = read(places[index])
-        return joint_recording(fit, index, item), predicted(fit, others, index, item)
+        return joint_recording(fit, index, item), predicted(fit, others, index, item), item.means.odd_even
 
-    fitted, without = zip(*each(told, range(len(used))), strict=True)
+    fitted, without, odd_even = zip(*each(told, range(len(used))), strict=True)
     shared = tuple(row for row in parameter_estimates(fit.recording(0)) if row.role == "shared")
     findings = (
         *prior_findings(shared),
@@ -299,6 +301,7 @@ def _fit_joint(known: Sequence[FittedAlone], read: Callable[[int], JointInput], 
         tuple(item.name for item in used), shared, fitted, problem.names, solution.z,
         fit.covariance.arrow, tuple(row for one in without for row in one.held), drifts, tuple(excluded), findings,
         residual_covariance(solution, fit.covariance), shared_lift_from(problem, others.lift),
+        joint_evidence(fit, np.array(odd_even)),
     )  # fmt: skip
 
 

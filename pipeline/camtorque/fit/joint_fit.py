@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from camtorque.fit.arrow import Arrow, ArrowCovariance, arrow_inverse
+from camtorque.fit.evidence import Weighed, evidence_of, prior_of, small_torque
 from camtorque.fit.joint_input import JointInput
 from camtorque.fit.joint_solver import JointSolution, solve_many
 from camtorque.fit.kinds import ARM, OtherKind, from_log_odds, other_kind
@@ -24,10 +25,11 @@ from camtorque.fit.problem import Problem, build_problem, started_at, with_rows
 from camtorque.fit.residual import is_explained, metrics_of_fit
 from camtorque.fit.result import parameter_estimates
 from camtorque.fit.single import FittedParameters
-from camtorque.fit.solver import Minimum
+from camtorque.fit.solver import Minimum, with_slopes
+from camtorque.fit.truncated import Gaussian
 from camtorque.fit.uncertainty import LEAST_FREEDOM, Covariance, prior_std
 from camtorque.process.threads import Each
-from camtorque.records import Array, Metrics, ParameterEstimate, ReadOnly
+from camtorque.records import APART, Array, LossEvidence, Metrics, ParameterEstimate, ReadOnly
 
 
 @dataclass(frozen=True)
@@ -133,6 +135,31 @@ def joint_recording(fit: JointFit, index: int, item: JointInput) -> JointRecordi
     explained = is_explained(means.torque - fitted, means.odd_even, float(np.max(means.torque_all)))
     own = tuple(row for row in parameter_estimates(fit.recording(index)) if row.role == "own")
     return JointRecording(own, problem.data[index].structure, found, explained)
+
+
+def joint_evidence(fit: JointFit, odd_even: Array) -> tuple[LossEvidence, ...]:
+    """Return which of friction and damping a pump needs, by what all its recordings tell together.
+
+    At one speed viscous drag of the shaft is a constant like any other; several tell it from the rest. Both act on the
+    torque by columns, so that their Gaussian is good enough without a refit.
+
+    Parameters
+    ----------
+    odd_even : (n,) scatter of each recording's cycles [N m]
+    """
+    problem, solution, cov = fit.problem, fit.solution, fit.covariance
+    shared = cov.arrow.shared
+    mean = solution.z + cov.arrow.times(solution.gradient / cov.inflation)
+    bounds = [bound[shared] for bound in problem.bounds]
+    small = small_torque(
+        float(np.sqrt(np.mean(odd_even**2))), float(np.mean([np.mean(item.torque) for item in problem.data]))
+    )
+    prior = prior_of(problem, cov.prior_std)
+    before = Gaussian(prior.mean[shared], prior.matrix[np.ix_(shared, shared)], *bounds)
+    outputs = tuple(with_slopes(problem, solution.z, k)[0] for k in range(len(problem.data)))
+    known = Gaussian(mean[shared], cov.arrow.matrix, *bounds)
+    names = tuple(problem.parameters[k].row.name for k in shared)
+    return evidence_of(Weighed(names, solution.z[shared], known, before, outputs, small), APART)
 
 
 def with_likelier_pin(problem: Problem, solution: JointSolution, each: Each) -> tuple[Problem, JointSolution]:
