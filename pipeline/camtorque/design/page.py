@@ -13,13 +13,12 @@ from camtorque.design.explain import SEEN, limit_words, plain_name, unit_of
 from camtorque.design.front import Front, FrontPoint
 from camtorque.design.responses import RESPONSES
 from camtorque.records import Array
-from camtorque.report.chart import Curves, Line, Panel
-from camtorque.report.curves_svg import curves_svg
+from camtorque.report.chart import CYCLE, Curves, Line, Panel, fill, stroke
+from camtorque.report.charts_svg import curves_svg
 from camtorque.report.forecast_page import TITLES, with_band
 from camtorque.report.numbers import significant, with_sign
 from camtorque.report.page import render
 from camtorque.report.svg import Scale, drawing, line, padded, text, tick_texts, ticks
-from camtorque.report.tones import CYCLE, fill, stroke
 from camtorque.units import DEGREE, TURN
 
 SIZE = (480.0, 340.0)

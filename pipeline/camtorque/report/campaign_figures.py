@@ -7,9 +7,8 @@ import numpy as np
 from camtorque.fit.drift import Drift
 from camtorque.fit.joint import CampaignFit
 from camtorque.report.campaign_view import MANY, CampaignView, Column
-from camtorque.report.chart import CAM_ANGLE, NARROW, WIDE, Curves, Line, Marks, Panel, RowPanel, Rows
+from camtorque.report.chart import CAM_ANGLE, NARROW, RAMP, WIDE, Curves, Line, Marks, Panel, RowPanel, Rows
 from camtorque.report.numbers import unit_text, words
-from camtorque.report.tones import RAMP
 from camtorque.units import DEGREE
 
 MOST_KEYS = 12

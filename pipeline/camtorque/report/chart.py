@@ -1,4 +1,4 @@
-"""What a figure shows, independent of how it is drawn: SVG for print, interactive curves for the screen."""
+"""What a figure shows, independent of how it is drawn: curves, named rows, and colours by what they mean."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ WIDE, HALF, NARROW = 960.0, 640.0, 420.0
 class Line(ReadOnly):
     """One curve; NaN is a gap.
 
-    values : (n,) in the unit of the panel; tone : key of `tones.TONES`; points : markers in place of a line;
+    values : (n,) in the unit of the panel; tone : key of `TONES`; points : markers in place of a line;
     error : (n,) half height of error bars
     """
 
@@ -134,3 +134,46 @@ class Rows:
 
 
 Chart = Curves | Rows
+
+
+RAMP = tuple(f"r{k}" for k in range(8))
+CYCLE = tuple(f"c{k}" for k in range(10))
+TONES: dict[str, tuple[str, str]] = {
+    "measured": ("#1b1b1b", "#f1f3f5"), "fitted": ("#0072b2", "#4db2ec"), "over": ("#4db2ec", "#1f8fd0"),
+    "rigid": ("#d55e00", "#f28b3c"), "residual": ("#7a4fa3", "#b794dd"), "band": ("#c3c9cf", "#59616b"),
+    "chamber": ("#9cc9e6", "#2c5a78"), "ink": ("#1d2329", "#e8ebee"), "muted": ("#5b6470", "#a5adb7"),
+    "axis": ("#8a929b", "#7b848e"), "grid": ("#e6e8eb", "#32383f"), "soft": ("#f1f4f6", "#22272d"),
+    "warn": ("#b35900", "#f0a65a"), "warnsoft": ("#fdeedd", "#46331c"), "bad": ("#b3261e", "#ff8a80"),
+    "good": ("#1a7f4b", "#5fc08c"), "r0": ("#440154", "#8b5fbf"), "r1": ("#46327e", "#7b7fd6"),
+    "r2": ("#365c8d", "#5f9fd8"), "r3": ("#277f8e", "#4bb5c4"), "r4": ("#1fa187", "#42c9a5"),
+    "r5": ("#4ac16d", "#7dd87f"), "r6": ("#9bb61f", "#c3df4e"), "r7": ("#c9a400", "#fde725"),
+    "c0": ("#0072b2", "#4db2ec"), "c1": ("#d55e00", "#f28b3c"), "c2": ("#009e73", "#3cc79d"),
+    "c3": ("#b35f95", "#e09cc6"), "c4": ("#56b4e9", "#8fd0f5"), "c5": ("#c98a00", "#f0bf4d"),
+    "c6": ("#7a4fa3", "#b794dd"), "c7": ("#5f6b6d", "#a9b5b7"), "c8": ("#8c6d31", "#cfac6a"),
+    "c9": ("#b04a5a", "#e68a98"),
+}  # fmt: skip
+"""Name -> colour on white, colour on black; those of curves after Okabe and Ito (2008) and steps of like lightness."""
+
+
+def light(tone: str) -> str:
+    """Return the colour on white."""
+    return TONES[tone][0]
+
+
+def stroke(tone: str) -> str:
+    """Return the attributes of a line: the colour on white, and the class by which a dark page changes it."""
+    return f'class="s-{tone}" stroke="{light(tone)}"'
+
+
+def fill(tone: str) -> str:
+    """Return the attributes of a filled shape, as `stroke`."""
+    return f'class="f-{tone}" fill="{light(tone)}"'
+
+
+def tone_css() -> str:
+    """Return the style sheet of all tones: variables, dark values, and the classes of drawings."""
+    names = [":root{" + "".join(f"--{name}:{pair[0]};" for name, pair in TONES.items()) + "}"]
+    dark = "".join(f"--{name}:{pair[1]};" for name, pair in TONES.items())
+    names.append("@media screen and (prefers-color-scheme:dark){:root{" + dark + "}}")
+    names += [f".s-{name}{{stroke:var(--{name})}}.f-{name}{{fill:var(--{name})}}" for name in TONES]
+    return "".join(names)

@@ -13,9 +13,8 @@ from markupsafe import Markup
 
 from camtorque.process.second_process import in_two
 from camtorque.report.chart import NARROW, Chart, Rows
-from camtorque.report.curves_svg import curves_svg
+from camtorque.report.charts_svg import curves_svg, rows_svg
 from camtorque.report.page import Drawing
-from camtorque.report.rows_svg import rows_svg
 
 if TYPE_CHECKING:  # the fit is not needed to draw
     from camtorque.report.bundle import RunResult

@@ -18,7 +18,7 @@ from markupsafe import Markup
 from camtorque.fit.evidence import LARGE
 from camtorque.jsonable import clean
 from camtorque.report.answer import answer, cards
-from camtorque.report.chart import Chart, Curves, Span
+from camtorque.report.chart import Chart, Curves, Span, tone_css
 from camtorque.report.numbers import FILTERS
 from camtorque.report.payload import chart_data
 from camtorque.report.template_cache import template_cache
@@ -33,7 +33,6 @@ from camtorque.report.texts import (
     pair_rows,
     parameter_groups,
 )
-from camtorque.report.tones import tone_css
 from camtorque.report.verdict import verdict
 
 VERSIONS_OF = ("numpy", "scipy", "h5py", "lmfit", "numba", "pandas")

@@ -13,8 +13,7 @@ from markupsafe import Markup
 from camtorque.jsonable import clean
 from camtorque.records import Array
 from camtorque.report.campaign_view import MANY, CampaignView, Column
-from camtorque.report.chart import Band, Curves, Line, Panel, Span
-from camtorque.report.tones import RAMP
+from camtorque.report.chart import RAMP, Band, Curves, Line, Panel, Span
 
 STEPS = 65_000.0
 """Steps over the range of a curve: the screen shows a thousand pixels."""

@@ -6,9 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from camtorque.report.chart import WIDE, Marks, RowPanel, Rows
+from camtorque.report.chart import CYCLE, WIDE, Marks, RowPanel, Rows
 from camtorque.report.numbers import words
-from camtorque.report.tones import CYCLE
 
 MOST_SOURCES = 9
 """Sources shown in a chart: more colours cannot be distinguished."""

@@ -7,11 +7,10 @@ import numpy as np
 from camtorque.fit.residual import stroke_masks
 from camtorque.records import Array
 from camtorque.report.bundle import RunResult
-from camtorque.report.chart import CAM_ANGLE, HALF, Band, Curves, Line, Panel, Span
+from camtorque.report.chart import CAM_ANGLE, CYCLE, HALF, Band, Curves, Line, Panel, Span
 from camtorque.report.numbers import words
 from camtorque.report.phases import bump_spans, strokes
 from camtorque.report.svg import Scale, drawing, padded, polyline
-from camtorque.report.tones import CYCLE
 from camtorque.units import DEGREE
 
 MARGIN_DEG = 12.0
