@@ -18,7 +18,7 @@ from camtorque.records import Refusal
 from camtorque.report import page
 from camtorque.report.alignment import write_alignment
 from camtorque.report.bundle import CampaignEntry, CampaignResult
-from camtorque.report.campaign_write import write_campaign
+from camtorque.report.campaign_page import write_campaign
 from camtorque.report.document import uncertainty_document
 from camtorque.report.figures import FIGURES
 from camtorque.report.folder import output_folder

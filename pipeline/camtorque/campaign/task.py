@@ -12,8 +12,8 @@ from camtorque.process.second_process import second_process
 from camtorque.process.stopping import was_stopped
 from camtorque.records import Refusal
 from camtorque.report.bundle import OF_RECORDING, OF_RESULT, CampaignEntry
+from camtorque.report.curve_figures import thumbnail
 from camtorque.report.folder import Busy, CannotWrite, emptied, is_about, output_folder
-from camtorque.report.torque_figures import thumbnail
 from camtorque.report.write import write_run
 from camtorque.run import RunOptions, analyse
 

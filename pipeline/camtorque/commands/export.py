@@ -13,9 +13,9 @@ from typing import Any
 from camtorque.commands import Outcome, Tell
 from camtorque.export import FORMATS, report_tables
 from camtorque.records import Refusal, require
-from camtorque.report.checksums import SUMS
 from camtorque.report.folder import check_writable, output_files
 from camtorque.report.plots import trend_figure
+from camtorque.report.provenance import SUMS
 from camtorque.results import read_results
 from camtorque.trend import AXES, drawn_table, informed_parameters, trend_table
 

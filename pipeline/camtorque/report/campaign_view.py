@@ -16,9 +16,8 @@ import numpy as np
 from camtorque.records import UNTOLD, Array, ReadOnly
 from camtorque.report.answer import NOT_LOSSES
 from camtorque.report.bundle import CampaignEntry
-from camtorque.report.fit_figures import CONSERVED
+from camtorque.report.fit_figures import CONSERVED, shares
 from camtorque.report.numbers import unit_text, words
-from camtorque.report.sources import shares
 
 POINTS = 360
 MANY = 200

@@ -138,6 +138,7 @@ Chart = Curves | Rows
 
 RAMP = tuple(f"r{k}" for k in range(8))
 CYCLE = tuple(f"c{k}" for k in range(10))
+DASHES = ("", "6 3", "2 3", "8 3 2 3")
 TONES: dict[str, tuple[str, str]] = {
     "measured": ("#1b1b1b", "#f1f3f5"), "fitted": ("#0072b2", "#4db2ec"), "over": ("#4db2ec", "#1f8fd0"),
     "rigid": ("#d55e00", "#f28b3c"), "residual": ("#7a4fa3", "#b794dd"), "band": ("#c3c9cf", "#59616b"),

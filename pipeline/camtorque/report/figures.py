@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from camtorque.report import fit_figures, part_figures, torque_figures
+from camtorque.report import curve_figures, fit_figures
 from camtorque.report.drawings import FigureSpec
 
 FIGURES: dict[str, FigureSpec] = {
@@ -12,20 +12,20 @@ FIGURES: dict[str, FigureSpec] = {
         "Torque over one revolution",
         "Where the dashed rigid model leaves the measured mean, something is missing in it; the fitted model should "
         "lie on the measured mean. Below: what the fit leaves over, on cycles that were not fitted.",
-        torque_figures.full_cycle, "curves", True, True,
+        curve_figures.full_cycle, "curves", True, True,
     ),
     "pressure": FigureSpec(
         "Line pressure and chamber pressure", "The sensor sits behind the delivery valve. The chamber pressure is "
         "rebuilt from the torque and the laws of the chamber, and is what loads the plunger.",
-        part_figures.pressures, "curves", True, True,
+        curve_figures.pressures, "curves", True, True,
     ),
-    "lift": FigureSpec("Lift", "The strokes are those of the lift.", part_figures.lift, "curves", True),
+    "lift": FigureSpec("Lift", "The strokes are those of the lift.", curve_figures.lift, "curves", True),
     "torque_forward": FigureSpec(
-        "Forward stroke", "The lift rises; the pump is loaded.", partial(torque_figures.stroke, which=0), "strokes",
+        "Forward stroke", "The lift rises; the pump is loaded.", partial(curve_figures.stroke, which=0), "strokes",
     ),
     "torque_return": FigureSpec(
         "Return stroke", "The lift falls; what is still compressed drives the cam.", 
-        partial(torque_figures.stroke, which=1), "strokes",
+        partial(curve_figures.stroke, which=1), "strokes",
     ),
     "gap": FigureSpec(
         "What closes the gap", "Measured − rigid torque, by cause. Left: mean over the loaded part of the forward "
@@ -39,7 +39,7 @@ FIGURES: dict[str, FigureSpec] = {
     ),
     "torque_by_cause": FigureSpec(
         "Torque by cause", "Each law for itself, as the transducer sees it; all of them sum to the fitted model. Each "
-        "panel has its own scale.", torque_figures.by_cause, "causes", True,
+        "panel has its own scale.", curve_figures.by_cause, "causes", True,
     ),
     "evidence": FigureSpec(
         "Which losses the data need", "Left: evidence for the loss against its absence (2 ln of the Bayes factor); to "
@@ -47,18 +47,18 @@ FIGURES: dict[str, FigureSpec] = {
         fit_figures.evidence, "evidence", True, True,
     ),
     "motion": FigureSpec(
-        "Velocity and acceleration of the follower", "At the mean speed.", part_figures.motion, "inside",
+        "Velocity and acceleration of the follower", "At the mean speed.", curve_figures.motion, "inside",
     ),
     "contact": FigureSpec(
-        "Contact of cam and roller", "Normal force and the largest Hertz pressure.", part_figures.contact, "inside",
+        "Contact of cam and roller", "Normal force and the largest Hertz pressure.", curve_figures.contact, "inside",
     ),
-    "reactions": FigureSpec("Bearing and guide reactions", "Of the fitted model.", part_figures.reactions, "inside"),
+    "reactions": FigureSpec("Bearing and guide reactions", "Of the fitted model.", curve_figures.reactions, "inside"),
     "cam_angle": FigureSpec(
-        "Cam angle", "How far the cam is from where the trigger and a constant speed put it.", part_figures.cam_angle,
+        "Cam angle", "How far the cam is from where the trigger and a constant speed put it.", curve_figures.cam_angle,
         "alignment",
     ),
     "cycles": FigureSpec(
-        "Used cycles", "A trend or a step here means that the run was not steady.", part_figures.cycles, "alignment",
+        "Used cycles", "A trend or a step here means that the run was not steady.", curve_figures.cycles, "alignment",
     ),
     "priors": FigureSpec(
         "Parameters against expectation", "Shaded: within two standard deviations of sheet, certificate or literature. "
