@@ -24,7 +24,6 @@ from typing import Any
 
 from camtorque.campaign import CampaignOptions, flow, run_campaign
 from camtorque.campaign.find import search
-from camtorque.campaign.key import recording_key
 from camtorque.campaign.store import (
     ENTRY,
     JOINT,
@@ -34,6 +33,7 @@ from camtorque.campaign.store import (
     write_entry,
     write_joint_input,
 )
+from camtorque.campaign.task import recording_key
 from camtorque.config.schemas import RECORDING_FILE
 from camtorque.run import RunOptions
 

@@ -30,7 +30,6 @@ FACES = [
     "frames",
     "api",
     "export",
-    "trend",
     "growing",
     "watch",
     "lmfit_fit",

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from camtorque.design.fitted import FRICTION_NAMES
+from camtorque.design.loads import FRICTION_NAMES
 from camtorque.finished_fit import Rig, chain_of, curve_of, load_curve, read_fit, refuse_load_of_another_pump, rig_of
 from camtorque.fit.endings import either, endings_of, if_it_ended_so, load_for, own_ending, the_other
 from camtorque.fit.forecast import Forecast, forecast, leakage_factor, refuse_leaky

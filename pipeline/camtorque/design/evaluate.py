@@ -13,7 +13,7 @@ from camtorque.config import PumpData
 from camtorque.config.pump import PumpConfig
 from camtorque.design.loads import Load
 from camtorque.design.profile import SAMPLES, Family, Lobe
-from camtorque.design.quantities import PUMP_FIELDS, QUANTITIES, phase_name
+from camtorque.design.schema import PUMP_FIELDS, QUANTITIES, phase_name
 from camtorque.mechanism.contact import contact_modulus
 from camtorque.mechanism.friction import NO_FRICTION, Friction
 from camtorque.mechanism.kinematics import path_at

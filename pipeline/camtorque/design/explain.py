@@ -9,9 +9,8 @@ from typing import NoReturn
 import numpy as np
 
 from camtorque.design.problem import Problem
-from camtorque.design.programme import Label, Scale, signs_of
 from camtorque.design.responses import EQUAL, MOST, RESPONSES
-from camtorque.design.solver import Solution, multipliers
+from camtorque.design.solver import Label, Scale, Solution, multipliers, signs_of
 from camtorque.design.task import SLIP, Limit
 from camtorque.records import Array, Refusal
 

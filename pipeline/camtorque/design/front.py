@@ -14,9 +14,8 @@ import numpy as np
 from camtorque.design.evaluate import Design, Evaluated
 from camtorque.design.explain import refuse_collision, refuse_idle
 from camtorque.design.problem import Problem
-from camtorque.design.programme import Scale, scaled_aims, signs_of, violation
 from camtorque.design.responses import RESPONSES
-from camtorque.design.solver import Solution, solve
+from camtorque.design.solver import Scale, Solution, scaled_aims, signs_of, solve, violation
 from camtorque.design.task import KNEE, Task
 from camtorque.process.second_process import in_two
 from camtorque.progress import Progress

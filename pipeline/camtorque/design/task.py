@@ -13,12 +13,23 @@ import numpy as np
 from camtorque.config.keys import Key
 from camtorque.config.pump import PumpConfig
 from camtorque.config.tables import Table, read_schema
-from camtorque.design.fitted import FittedPump, fitted_friction, same_pump
-from camtorque.design.loads import Load, loads_of
+from camtorque.design.loads import FittedPump, Load, fitted_friction, loads_of, same_pump
 from camtorque.design.profile import BSPLINE, LAWS, Family
-from camtorque.design.quantities import LOBE, MILLIMETRE, PUMP_FIELDS, QUANTITIES, phase_name
 from camtorque.design.responses import EQUAL, MOST, RESPONSES
-from camtorque.design.schema import ANSWER, ANY_SIZE, DESIGN_SCHEMA, LIFT, TOLERANCES, TOP, read_values
+from camtorque.design.schema import (
+    ANSWER,
+    ANY_SIZE,
+    DESIGN_SCHEMA,
+    LIFT,
+    LOBE,
+    MILLIMETRE,
+    PUMP_FIELDS,
+    QUANTITIES,
+    TOLERANCES,
+    TOP,
+    phase_name,
+    read_values,
+)
 from camtorque.hashes import input_files
 from camtorque.ingest.pump_file import read_pump
 from camtorque.records import Array, Finding, InputFile, Refusal

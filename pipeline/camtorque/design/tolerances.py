@@ -9,8 +9,8 @@ import numpy as np
 
 from camtorque.design.evaluate import Evaluated
 from camtorque.design.problem import Problem
-from camtorque.design.quantities import MILLIMETRE
 from camtorque.design.responses import RESPONSES
+from camtorque.design.schema import MILLIMETRE
 from camtorque.records import Array
 
 POINTS = 720

@@ -10,13 +10,18 @@ from camtorque.mechanism.kinematics import kinematics
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array
 from camtorque.studies.case import knotted_law, peak_error, study_pump
-from camtorque.studies.driveline import LINEAR, PREDICT, adaptive, at_angles, elastic, harmonic
-from camtorque.studies.integrators import (
+from camtorque.studies.driveline import (
+    LINEAR,
+    PREDICT,
     SCHEMES,
     TABLE,
     Shaft,
+    adaptive,
     alpha_accelerations,
+    at_angles,
     collocation,
+    elastic,
+    harmonic,
     load_rows,
     march_periodic,
 )
