@@ -15,7 +15,7 @@ from camtorque import laws
 from camtorque.cli import build_parser
 from camtorque.commands import COMMANDS
 from camtorque.ingest.formats import FORMATS
-from camtorque.report.figures import FIGURES
+from camtorque.report.write import FIGURES
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = Path(inspect.getfile(camtorque)).parent

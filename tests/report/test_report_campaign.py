@@ -18,7 +18,6 @@ from camtorque.fit.joint_fit import JointRecording
 from camtorque.fit.leftout import HeldOut
 from camtorque.fit.shared_lift import SharedLift
 from camtorque.report.bundle import OF_RESULT, CampaignEntry, CampaignResult
-from camtorque.report.campaign_figures import overlay
 from camtorque.report.campaign_page import (
     campaign_answer,
     campaign_document,
@@ -27,11 +26,10 @@ from camtorque.report.campaign_page import (
     verdict_text,
     write_campaign,
 )
-from camtorque.report.campaign_view import CampaignView, Column, campaign_view, trends_of_losses
+from camtorque.report.campaign_view import CampaignView, Column, campaign_view, explorer_data, overlay, trends_of_losses
 from camtorque.report.document import result_document
 from camtorque.report.files import write_rows
 from camtorque.report.fit_figures import ranking, shares, source_chart
-from camtorque.report.payload import explorer_data
 from camtorque.report.write import write_run
 from report_cases import NASTY, run_result
 

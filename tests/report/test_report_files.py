@@ -20,10 +20,9 @@ from camtorque.report.alignment import write_alignment
 from camtorque.report.bundle import CampaignEntry, CampaignResult
 from camtorque.report.campaign_page import write_campaign
 from camtorque.report.document import uncertainty_document
-from camtorque.report.figures import FIGURES
 from camtorque.report.folder import output_folder
 from camtorque.report.gaps import gap_curves
-from camtorque.report.write import write_run
+from camtorque.report.write import FIGURES, write_run
 from report_cases import NASTY, run_result
 
 METRIC_KEYS = {

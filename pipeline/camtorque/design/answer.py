@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 
 from camtorque.config.schemas import PUMP as PUMP_TABLE
-from camtorque.design.evaluate import Evaluated
-from camtorque.design.explain import Price, prices
+from camtorque.design.explain import Price, Spread, prices, spreads
 from camtorque.design.front import Front, FrontPoint, find_front
+from camtorque.design.responses import Evaluated
 from camtorque.design.task import Task
-from camtorque.design.tolerances import Spread, spreads
 from camtorque.ingest.new_recording import toml_value
 from camtorque.ingest.outliers import outlying_points
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump

@@ -11,10 +11,9 @@ from math import ceil, comb
 
 import numpy as np
 
-from camtorque.design.evaluate import Design, Evaluated
 from camtorque.design.explain import refuse_collision, refuse_idle
 from camtorque.design.problem import Problem
-from camtorque.design.responses import RESPONSES
+from camtorque.design.responses import RESPONSES, Design, Evaluated
 from camtorque.design.solver import Scale, Solution, scaled_aims, signs_of, solve, violation
 from camtorque.design.task import KNEE, Task
 from camtorque.process.second_process import in_two

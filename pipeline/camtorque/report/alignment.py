@@ -32,7 +32,7 @@ def write_alignment(recording: Recording, cycles: CamCycles, created: str, folde
     })  # fmt: skip
     caption = "Mean over the used cycles and their scatter."
     drawings = [drawing_of("aligned_cycles", aligned_cycles(cycles), "One revolution", caption)]
-    write_figures(drawings, folder / "figures", lambda name: True)
+    write_figures(drawings, folder / "figures")
     title, text = f"{doc['name']}: aligned", recording.config.text
     write_page(folder / "align.html", render("align.html", drawings, title=title, doc=doc, config_text=text))
     write_json(folder / "align.json", doc)

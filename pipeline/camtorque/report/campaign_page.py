@@ -17,8 +17,16 @@ from camtorque.jsonable import jsonable
 from camtorque.records import KNOWLEDGE
 from camtorque.report.answer import known_text
 from camtorque.report.bundle import OF_RECORDING, OF_RESULT, CampaignEntry, CampaignResult
-from camtorque.report.campaign_figures import drift_chart, overlay, predictions, trend
-from camtorque.report.campaign_view import MANY, CampaignView, campaign_view
+from camtorque.report.campaign_view import (
+    MANY,
+    CampaignView,
+    campaign_view,
+    drift_chart,
+    explorer_data,
+    overlay,
+    predictions,
+    trend,
+)
 from camtorque.report.chart import Chart
 from camtorque.report.document import parameters_document
 from camtorque.report.drawings import drawing_of, write_figures
@@ -37,7 +45,6 @@ from camtorque.report.numbers import (
     words,
 )
 from camtorque.report.page import Drawing, render
-from camtorque.report.payload import explorer_data
 from camtorque.report.texts import parameter_row
 from camtorque.report.verdict import doubtful, known_metrics, unexplained
 from camtorque.results import CAMPAIGN, CAMPAIGN_SCHEMA
@@ -54,7 +61,7 @@ def write_campaign(result: CampaignResult, folder: Path, reports: Path | None = 
     view = campaign_view(result.entries, reports or folder)
     drawings = campaign_drawings(result, view)
     thumbnails = {entry.name: entry.thumbnail for entry in result.entries if entry.status == "ok"}
-    write_figures(drawings, folder / "figures", lambda name: False)
+    write_figures(drawings, folder / "figures")
     write_page(folder / "campaign.html", campaign_page(doc, view, thumbnails, drawings))
     fit = campaign_fit_document(result)
     if fit is not None:
@@ -120,7 +127,7 @@ def campaign_drawings(result: CampaignResult, view: CampaignView) -> list[Drawin
 
     def add(name: str, title: str, text: str, section: str, chart: Chart | None, wide: bool = True) -> None:
         if chart is not None:
-            found.append(drawing_of(name, chart, title, text, section, wide))
+            found.append(drawing_of(name, chart, title, text, section, wide, png=False))
 
     add("overlay", "All recordings", "From slow (dark) to fast (bright). The nearest curve is named; a click opens its "
         "report.", "overlay", overlay(view))  # fmt: skip

@@ -7,10 +7,9 @@ import numpy as np
 from camtorque.fit.residual import stroke_masks
 from camtorque.records import Array
 from camtorque.report.bundle import RunResult
-from camtorque.report.chart import CAM_ANGLE, CYCLE, DASHES, HALF, Band, Curves, Line, Panel, Span
+from camtorque.report.chart import CAM_ANGLE, CYCLE, DASHES, HALF, Band, Curves, Line, Panel, Span, bump_spans, strokes
 from camtorque.report.document import measured_chamber
 from camtorque.report.numbers import with_sign, words
-from camtorque.report.phases import bump_spans, strokes
 from camtorque.report.svg import Scale, drawing, padded, polyline
 from camtorque.stacks import distance_of, std_of
 from camtorque.units import BAR, DEGREE, RPM

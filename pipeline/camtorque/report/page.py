@@ -86,7 +86,8 @@ SECTIONS: dict[str, Section] = {
 class Drawing:
     """One figure of a page: the chart and its SVG, with the words around it.
 
-    ``narrow``: the same in drawings that a phone can show, None where the script or ``svg`` itself does.
+    ``wide``: over the whole width; ``png``: an image file is written beside the SVG; ``narrow``: the same in drawings
+    that a phone can show, None where the script or ``svg`` itself does.
     """
 
     name: str
@@ -94,6 +95,7 @@ class Drawing:
     caption: str
     section: str
     wide: bool
+    png: bool
     chart: Chart
     svg: Markup
     narrow: Markup | None = None
