@@ -35,7 +35,7 @@ from camtorque.campaign import (
 from camtorque.process.workers import Lost
 from camtorque.records import Finding, Refusal
 from camtorque.report.bundle import CampaignEntry
-from camtorque.report.provenance import verify
+from camtorque.report.files import verify
 from camtorque.run import RunOptions
 
 OPTIONS = RunOptions()

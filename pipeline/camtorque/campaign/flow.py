@@ -29,9 +29,9 @@ from camtorque.progress import Progress, duration_text, silent
 from camtorque.records import Finding, Refusal
 from camtorque.report.bundle import CampaignEntry, CampaignResult
 from camtorque.report.campaign_page import write_campaign
+from camtorque.report.files import SUMS, listed_files, visible_files, write_checksums
 from camtorque.report.fit_file import NAME as FIT_NAME
 from camtorque.report.folder import output_files
-from camtorque.report.provenance import SUMS, listed_files, visible_files, write_checksums
 from camtorque.results import CAMPAIGN
 from camtorque.run import RunOptions
 from camtorque.units import counted, did_you_mean, first_of

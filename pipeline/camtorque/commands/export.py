@@ -13,9 +13,9 @@ from typing import Any
 from camtorque.commands import Outcome, Tell
 from camtorque.export import AXES, FORMATS, drawn_table, informed_parameters, report_tables, trend_table
 from camtorque.records import Refusal, require
+from camtorque.report.files import SUMS
 from camtorque.report.folder import check_writable, output_files
 from camtorque.report.plots import trend_figure
-from camtorque.report.provenance import SUMS
 from camtorque.results import read_results
 
 PACKAGES = {"xlsx": ("openpyxl",), "parquet": ("pyarrow",)}

@@ -13,9 +13,8 @@ from camtorque.jsonable import jsonable
 from camtorque.records import CamCycles, Recording
 from camtorque.report.chart import CAM_ANGLE, Band, Curves, Line, Panel
 from camtorque.report.cycles_file import aligned_variables, write_cycles
-from camtorque.report.drawings import drawing_of, write_figures
 from camtorque.report.files import findings_document, inputs_document, write_json, write_page
-from camtorque.report.page import render
+from camtorque.report.page import drawing_of, render, write_figures
 from camtorque.stacks import mean_of, std_of
 from camtorque.units import BAR, DEGREE
 from camtorque.version import __version__

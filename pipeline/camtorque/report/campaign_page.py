@@ -29,7 +29,6 @@ from camtorque.report.campaign_view import (
 )
 from camtorque.report.chart import Chart
 from camtorque.report.document import parameters_document
-from camtorque.report.drawings import drawing_of, write_figures
 from camtorque.report.files import findings_document, write_json, write_page, write_rows
 from camtorque.report.fit_figures import ranking, source_chart
 from camtorque.report.fit_file import NAME as FIT_NAME
@@ -44,7 +43,7 @@ from camtorque.report.numbers import (
     with_sign,
     words,
 )
-from camtorque.report.page import Drawing, render
+from camtorque.report.page import Drawing, drawing_of, render, write_figures
 from camtorque.report.texts import parameter_row
 from camtorque.report.verdict import doubtful, known_metrics, unexplained
 from camtorque.results import CAMPAIGN, CAMPAIGN_SCHEMA

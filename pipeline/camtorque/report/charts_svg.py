@@ -77,9 +77,11 @@ def _shaded(chart: Curves, across: Scale, y: float, height: float, first: bool, 
 
 
 def _panel(panel: Panel, x: Array, inside: Mask, across: Scale, y: float) -> list[str]:
-    shown = list(panel.lines)
     ends = [part[inside] for item in panel.bands for part in (item.low, item.high)]
-    low, high = panel.limits or padded([item.values[inside] for item in shown] + ends + _error_ends(shown, inside))
+    for item in panel.lines:
+        error = 0.0 if item.error is None else np.nan_to_num(item.error)
+        ends += [(item.values + side * error)[inside] for side in (-1.0, 1.0)]
+    low, high = panel.limits or padded(ends)
     up = Scale(low, high, y + panel.height, y)
     marks = tick_texts(ticks(low, high, max(4, int(panel.height / 38.0))))
     parts = [line(LEFT, up(place), across.stop, up(place), "grid") for place, _ in marks]
@@ -90,7 +92,7 @@ def _panel(panel: Panel, x: Array, inside: Mask, across: Scale, y: float) -> lis
     for band in panel.bands:
         low_edge, high_edge = (_clipped(up.places(part[inside]), y, panel) for part in (band.low, band.high))
         parts.append(area(place, low_edge, high_edge, band.tone))
-    for item in shown:
+    for item in panel.lines:
         parts.append(_drawn(item, place, inside, up, y, panel))
     parts.append(line(LEFT, y, LEFT, y + panel.height, "axis"))
     parts.append(line(LEFT, y + panel.height, across.stop, y + panel.height, "axis"))
@@ -102,15 +104,6 @@ def _panel(panel: Panel, x: Array, inside: Mask, across: Scale, y: float) -> lis
 def _clipped(places: Array, y: float, panel: Panel) -> Array:
     """Return places held within the panel: a curve beyond fixed limits runs along the edge."""
     return places if panel.limits is None else np.clip(places, y, y + panel.height)
-
-
-def _error_ends(lines: list[Line], inside: Mask) -> list[Array]:
-    return [
-        part
-        for item in lines
-        if item.error is not None
-        for part in ((item.values - item.error)[inside], (item.values + item.error)[inside])
-    ]
 
 
 def _drawn(item: Line, place: Array, inside: Mask, up: Scale, y: float, panel: Panel) -> str:

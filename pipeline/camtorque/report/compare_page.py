@@ -14,10 +14,9 @@ from camtorque.fit.uncertainty import COVERAGE
 from camtorque.jsonable import jsonable
 from camtorque.records import Array, ReadOnly
 from camtorque.report.chart import CAM_ANGLE, WIDE, Band, Curves, Line, Marks, Panel, RowPanel, Rows, phases, strokes
-from camtorque.report.drawings import drawing_of, write_figures
 from camtorque.report.files import write_json, write_page
 from camtorque.report.numbers import UNKNOWN, plus_minus, rounded_to_error, significant, unit_text, words
-from camtorque.report.page import Drawing, render
+from camtorque.report.page import Drawing, drawing_of, render, write_figures
 from camtorque.units import BAR, DEGREE
 
 EVENTS: dict[str, str] = {

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from camtorque.fit.residual import stroke_masks
-from camtorque.records import Array
 from camtorque.report.bundle import RunResult
 from camtorque.report.chart import CAM_ANGLE, CYCLE, DASHES, HALF, Band, Curves, Line, Panel, Span, bump_spans, strokes
 from camtorque.report.document import measured_chamber
@@ -71,16 +70,16 @@ def by_cause(result: RunResult) -> Curves:
     largest = max(height.values(), default=1.0)
     groups = [[n for n in causes if height[n] >= SMALL_CAUSE * largest],
               [n for n in causes if height[n] < SMALL_CAUSE * largest]]  # fmt: skip
+
+    def line(name: str, place: int) -> Line:
+        return Line(words(name), causes[name], CYCLE[place % len(CYCLE)], 1.4, DASHES[(place // 3) % len(DASHES)])
+
     panels = tuple(
-        Panel(what, tuple(_cause(name, causes[name], k) for k, name in enumerate(names)), height=170.0)
+        Panel(what, tuple(line(name, k) for k, name in enumerate(names)), height=170.0)
         for names, what in zip(groups, ("torque [N m]", "small causes [N m]"), strict=True)
         if names
     )
     return Curves(result.cycles.theta / DEGREE, CAM_ANGLE, panels, spans=spans(result))
-
-
-def _cause(name: str, values: Array, place: int) -> Line:
-    return Line(words(name), values, CYCLE[place % len(CYCLE)], 1.4, DASHES[(place // 3) % len(DASHES)])
 
 
 THUMB_WIDTH, THUMB_HEIGHT = 150.0, 50.0

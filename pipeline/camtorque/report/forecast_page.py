@@ -15,11 +15,10 @@ from camtorque.fit.uncertainty import COVERAGE
 from camtorque.jsonable import jsonable, now
 from camtorque.records import Array, Forces
 from camtorque.report.chart import CAM_ANGLE, CYCLE, Band, Curves, Line, Panel
-from camtorque.report.drawings import drawing_of
 from camtorque.report.files import write_json, write_page
 from camtorque.report.forecast_texts import ENDED_BY, ending_text, flight_text, step_text
 from camtorque.report.numbers import UNKNOWN, plus_minus, rounded_to_error, significant, words
-from camtorque.report.page import Drawing, render
+from camtorque.report.page import Drawing, drawing_of, render
 from camtorque.units import BAR, DEGREE, RPM
 from camtorque.version import __version__
 

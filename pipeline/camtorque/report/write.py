@@ -16,11 +16,10 @@ from camtorque.report.bundle import RunResult
 from camtorque.report.chart import Chart, phases
 from camtorque.report.cycles_file import result_variables, write_cycles
 from camtorque.report.document import result_document
-from camtorque.report.drawings import drawing_of, write_figures
 from camtorque.report.files import atomic_file, write_json, write_page
 from camtorque.report.fit_file import NAME as FIT_NAME
 from camtorque.report.fit_file import run_fit_document
-from camtorque.report.page import run_page
+from camtorque.report.page import drawing_of, run_page, write_figures
 
 
 @dataclass(frozen=True)
