@@ -12,9 +12,8 @@ from pathlib import Path
 
 import numpy as np
 from camtorque.design import Task, read_task
-from camtorque.design.answer import Answer, solve_task
+from camtorque.design.answer import Answer, first_guess, front_svg, label_of, solve_task
 from camtorque.design.explain import plain_name
-from camtorque.design.page import first_guess, front_svg, label_of
 from camtorque.design.problem import Problem
 from camtorque.design.profile import Family
 from camtorque.design.responses import RESPONSES, Evaluated

@@ -41,8 +41,7 @@ from camtorque.process.threads import on_one_thread
 from camtorque.records import Estimate, Forces, Refusal
 from camtorque.report.files import inputs_document
 from camtorque.report.fit_file import NAME
-from camtorque.report.forecast_page import forecast_document
-from camtorque.report.forecast_texts import (
+from camtorque.report.forecast_page import (
     assumptions,
     beyond_text,
     constant_text,
@@ -50,6 +49,7 @@ from camtorque.report.forecast_texts import (
     end_text,
     ending_text,
     flight_text,
+    forecast_document,
     load_text,
     step_text,
 )
