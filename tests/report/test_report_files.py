@@ -255,7 +255,7 @@ def test_campaign_page_lists_a_refused_recording(tmp_path: Path) -> None:
     doc = write_run(run_result(), tmp_path)
     summary = {"speed_rpm": 1000.0, "cycles_found": 9, "cycles_used": 9, "metrics": doc["metrics"]}
     entries = (
-        CampaignEntry("a", "case", "ok", "", summary, "<svg></svg>"),
+        CampaignEntry("a", "case", "ok", "", summary),
         CampaignEntry("b", "", "refused", f"no trigger {NASTY}", {}),
     )
     written = write_campaign(CampaignResult(entries, None, (), {"total": 1.0}, "2026-01-01T00:00:00+00:00"), tmp_path)

@@ -15,7 +15,7 @@ from typing import Any
 
 from camtorque.campaign.cluster import on_cluster_file, on_scheduler
 from camtorque.campaign.find import search
-from camtorque.campaign.store import THUMBNAIL, campaign_folder, prepare_folder, read_entry, read_joint_input, removed
+from camtorque.campaign.store import campaign_folder, prepare_folder, read_entry, read_joint_input, removed
 from camtorque.campaign.task import Task, recording_key, refused, run_task
 from camtorque.config.schemas import RECORDING_FILE
 from camtorque.fit.joint import CampaignFit, fit_joint
@@ -36,8 +36,6 @@ from camtorque.results import CAMPAIGN
 from camtorque.run import RunOptions
 from camtorque.units import counted, did_you_mean, first_of
 
-MOST_THUMBNAILS = 200
-"""Recordings beyond which the page shows no pictures: it has to stay small enough to scroll."""
 HASHING_THREADS = 4
 OWN_FIGURE = re.compile(r"figures/[^/]+\.svg")
 """As an index names the figures of a campaign, which are not the same from run to run."""
@@ -208,8 +206,6 @@ def _write_index(out: Path, result: CampaignResult) -> dict[str, Any]:
 
     A joint fit of recordings that are no longer there would be taken for one of those that are.
     """
-    if len(result.entries) <= MOST_THUMBNAILS:
-        result = replace(result, entries=tuple(_with_thumbnail(out, entry) for entry in result.entries))
     # an index of an earlier version listed whatever lay beside it, files of the user too
     earlier = {name for name in listed_files(out) if name == FIT_NAME or OWN_FIGURE.fullmatch(name)}
     with output_files(out) as scratch:
@@ -220,12 +216,6 @@ def _write_index(out: Path, result: CampaignResult) -> dict[str, Any]:
     own = [out / name for name in written]
     write_checksums(out, [*own, *(out / entry.folder / SUMS for entry in result.entries if entry.folder)])
     return doc
-
-
-def _with_thumbnail(out: Path, entry: CampaignEntry) -> CampaignEntry:
-    if entry.status != "ok":
-        return entry
-    return replace(entry, thumbnail=(out / entry.folder / THUMBNAIL).read_text(encoding="utf-8"))
 
 
 @on_one_thread

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from camtorque.ingest.sheet import read_sheet
 from camtorque.process.second_process import second_process
 from camtorque.process.stopping import was_stopped
 from camtorque.records import Refusal
-from camtorque.report.bundle import OF_RECORDING, OF_RESULT, CampaignEntry
+from camtorque.report.bundle import OF_RECORDING, OF_RESULT, THUMBNAIL, CampaignEntry
 from camtorque.report.curve_figures import thumbnail
 from camtorque.report.folder import Busy, CannotWrite, emptied, is_about, output_folder
 from camtorque.report.write import write_run
@@ -142,7 +142,7 @@ def _done(task: Task, key: str, folder: Path) -> CampaignEntry:
     if entry.status != "ok":
         emptied(folder)
     write_entry(folder, entry)
-    return replace(entry, thumbnail="")
+    return entry
 
 
 def _reported(task: Task, key: str, folder: Path) -> CampaignEntry:
@@ -153,4 +153,5 @@ def _reported(task: Task, key: str, folder: Path) -> CampaignEntry:
     summary = {name: recording[name] for name in OF_RECORDING} | {name: doc[name] for name in OF_RESULT}
     summary["verdict"] = doc["verdict"]["level"]
     write_joint_input(folder, joint_input(prepared))
-    return CampaignEntry(task.name, recording["name"], "ok", "", summary, thumbnail(result), f"runs/{key}")
+    (folder / THUMBNAIL).write_text(thumbnail(result), encoding="utf-8")
+    return CampaignEntry(task.name, recording["name"], "ok", "", summary, f"runs/{key}")

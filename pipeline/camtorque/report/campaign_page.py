@@ -59,9 +59,8 @@ def write_campaign(result: CampaignResult, folder: Path, reports: Path | None = 
     doc = campaign_document(result)
     view = campaign_view(result.entries, reports or folder)
     drawings = campaign_drawings(result, view)
-    thumbnails = {entry.name: entry.thumbnail for entry in result.entries if entry.status == "ok"}
     write_figures(drawings, folder / "figures")
-    write_page(folder / "campaign.html", campaign_page(doc, view, thumbnails, drawings))
+    write_page(folder / "campaign.html", campaign_page(doc, view, drawings))
     fit = campaign_fit_document(result)
     if fit is not None:
         write_json(folder / FIT_NAME, fit, lines=False)
@@ -228,18 +227,16 @@ def _drift_text(row: Mapping[str, Any], drift: Mapping[str, Any] | None) -> str:
     return f"{'+' if slope > 0.0 else ''}{rounded_to_error(slope, stderr)} ± {plus_minus(stderr)}"
 
 
-def campaign_page(
-    doc: Mapping[str, Any], view: CampaignView, thumbnails: Mapping[str, str], drawings: Sequence[Drawing]
-) -> str:
-    """Return campaign.html from campaign.json, the used recordings side by side, thumbnails and figures."""
+def campaign_page(doc: Mapping[str, Any], view: CampaignView, drawings: Sequence[Drawing]) -> str:
+    """Return campaign.html from campaign.json, the used recordings side by side, and figures."""
     serious = any(row["severity"] != "info" for row in doc["findings"])
-    thumbs = {name: Markup(svg) for name, svg in thumbnails.items()}
     return render(
         "campaign.html", drawings, title="Campaign", doc=doc, verdict=verdict_text(doc),
         good=not (doc["n_refused"] or serious or unexplained(doc) or doubtful(doc)), known_metrics=known_metrics,
         answer=campaign_answer(doc), shared=_shared_rows(doc),
         links=dict(zip(view.names, view.links, strict=True)),
-        thumbnails=thumbs, folded=len(doc["recordings"]) > MOST_IN_SIGHT, many=len(view.names) > MANY,
+        thumbnails=dict(zip(view.names, map(Markup, view.thumbnails), strict=True)),
+        folded=len(doc["recordings"]) > MOST_IN_SIGHT, many=len(view.names) > MANY,
         ranking=ranking(view.budget), refused=[row for row in doc["recordings"] if row["status"] != "ok"],
         explorer=explorer_data(view) if view.conditions and view.quantities else "",
     )  # fmt: skip

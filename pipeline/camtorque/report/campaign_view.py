@@ -19,7 +19,7 @@ from camtorque.fit.drift import Drift
 from camtorque.fit.joint import CampaignFit
 from camtorque.records import UNTOLD, Array, ReadOnly
 from camtorque.report.answer import NOT_LOSSES
-from camtorque.report.bundle import CampaignEntry
+from camtorque.report.bundle import THUMBNAIL, CampaignEntry
 from camtorque.report.chart import CAM_ANGLE, NARROW, RAMP, WIDE, Curves, Line, Marks, Panel, RowPanel, Rows
 from camtorque.report.fit_figures import CONSERVED, shares
 from camtorque.report.numbers import unit_text, words
@@ -28,7 +28,7 @@ from camtorque.units import DEGREE
 
 POINTS = 360
 MANY = 200
-"""Recordings from which on curves have half the points: a thousand of them have to fit into a page."""
+"""Recordings from which on curves have half the points, and no pictures: a thousand of them have to fit into a page."""
 FEWEST = 2
 """Recordings that must tell a quantity before it is offered."""
 
@@ -54,7 +54,7 @@ class CampaignView(ReadOnly):
 
     Attributes
     ----------
-    names, links : (n,) what they are called, where their pages are
+    names, links, thumbnails : (n,) what they are called, where their pages are, SVG of their torques
     conditions : speed, load, temperature, where the recordings tell them
     quantities : what was found
     theta : (m,) cam angle [rad]
@@ -64,6 +64,7 @@ class CampaignView(ReadOnly):
 
     names: tuple[str, ...]
     links: tuple[str, ...]
+    thumbnails: tuple[str, ...]
     conditions: tuple[Column, ...]
     quantities: tuple[Column, ...]
     theta: Array
@@ -106,6 +107,7 @@ def campaign_view(entries: Sequence[CampaignEntry], reports: Path) -> CampaignVi
     quantities = [_column(label, unit, path, found) for label, unit, path in NUMBERS]
     return CampaignView(
         tuple(entry.name for entry in used), tuple(f"{quote(place)}/report.html" for place in places),
+        tuple(_thumbnail(reports / place) if len(entries) <= MANY else "" for place in places),
         _shared_by_enough(conditions), _shared_by_enough([*quantities, *trends_of_losses(found), *_parameters(found)]),
         np.arange(points) * 2.0 * np.pi / points, curves[:, 0], curves[:, 1], _budget(found),
     )  # fmt: skip
@@ -125,6 +127,11 @@ def _document(path: Path) -> Mapping[str, Any]:
         },
         "uncertainty": {"budget": doc.get("uncertainty", {}).get("budget", {})},
     }
+
+
+def _thumbnail(report: Path) -> str:
+    path = report / THUMBNAIL
+    return path.read_text(encoding="utf-8") if path.is_file() else ""
 
 
 def _curves(path: Path, points: int) -> Array:
