@@ -92,7 +92,6 @@ def own_scale(problem: Problem) -> Scale:
 
 
 def _least_violation(problem: Problem) -> Solution:
-    """Return the design with the smallest violation of the limits."""
     generator = np.random.default_rng(problem.task.seed)
     starts = [problem.start(), *(problem.random_start(generator) for _ in range(problem.task.starts))]
     found = []

@@ -187,7 +187,6 @@ def loads_of(table: Table, config: PumpConfig, fitted: FittedPump | None) -> lis
 
 
 def _fitted_load(table: Table, recording: str, speed: float, fitted: FittedPump | None) -> Load:
-    """Return the fitted chamber pressure of a recording as a load."""
     where = table.where("recording")
     if fitted is None:
         raise Refusal(f"{where}: found {recording!r} without a fit, expected one; name it with --from RESULT")

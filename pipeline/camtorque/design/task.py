@@ -150,7 +150,6 @@ def read_task(path: Path | str, fitted: FittedPump | None = None) -> Task:
 
 
 def _families(table: Table, shape: Mapping[str, Any]) -> tuple[Family, ...]:
-    """Return the flanks to be tried."""
     laws = table.values.get("law", BSPLINE)
     names = [laws] if isinstance(laws, str) else laws
     if not isinstance(names, list) or not names or not all(name in LAWS for name in names):
@@ -224,7 +223,6 @@ def _bounds(free: Table, name: str, bounds: Any) -> tuple[float, float]:
 
 
 def _aims(table: Table) -> tuple[str, ...]:
-    """Return the responses to be optimised."""
     for name, way in table.values.items():
         _known_response(table, name)
         expected = RESPONSES[name].aim
