@@ -16,9 +16,8 @@ import numpy as np
 from camtorque.design import read_task
 from camtorque.design.front import own_scale
 from camtorque.design.problem import Problem
-from camtorque.design.programme import Programme, scaled_aims, violation
 from camtorque.design.responses import RESPONSES
-from camtorque.design.solver import solve
+from camtorque.design.solver import Programme, scaled_aims, solve, violation
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -24,16 +24,15 @@ from typing import Any
 
 from camtorque.campaign import CampaignOptions, flow, run_campaign
 from camtorque.campaign.find import search
-from camtorque.campaign.key import recording_key
 from camtorque.campaign.store import (
     ENTRY,
     JOINT,
-    THUMBNAIL,
     read_entry,
     read_joint_input,
     write_entry,
     write_joint_input,
 )
+from camtorque.campaign.task import recording_key
 from camtorque.config.schemas import RECORDING_FILE
 from camtorque.run import RunOptions
 
@@ -66,13 +65,12 @@ def finished(base: Path, name: str, folder: Path) -> None:
         target = folder / file.relative_to(base)
         if file.is_dir():
             target.mkdir(exist_ok=True)
-        elif file.name not in (ENTRY, JOINT, THUMBNAIL):
+        elif file.name not in (ENTRY, JOINT):
             os.link(file, target)
     item, entry = read_joint_input(base), read_entry(base)
     assert entry is not None
     write_joint_input(folder, replace(item, data=replace(item.data, name=name)))
-    thumbnail = (base / THUMBNAIL).read_text(encoding="utf-8")
-    write_entry(folder, replace(entry, name=name, id=name, folder=f"runs/{folder.name}", thumbnail=thumbnail))
+    write_entry(folder, replace(entry, name=name, id=name, folder=f"runs/{folder.name}"))
 
 
 def grown(source: Path, base: Path, folder: Path, count: int) -> tuple[Path, Path]:

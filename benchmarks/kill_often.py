@@ -25,7 +25,7 @@ from campaign_size import PAUSE, generate, no_joint_fit, prepare_result, stand_i
 from camtorque import run
 from camtorque.campaign import CampaignOptions, flow, run_campaign
 from camtorque.campaign.store import JOINT
-from camtorque.report.checksums import verify
+from camtorque.report.files import verify
 from camtorque.run import RunOptions, run_recording
 
 RECORDINGS = 40

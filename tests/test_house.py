@@ -15,7 +15,7 @@ from camtorque import laws
 from camtorque.cli import build_parser
 from camtorque.commands import COMMANDS
 from camtorque.ingest.formats import FORMATS
-from camtorque.report.figures import FIGURES
+from camtorque.report.write import FIGURES
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = Path(inspect.getfile(camtorque)).parent
@@ -30,7 +30,6 @@ FACES = [
     "frames",
     "api",
     "export",
-    "trend",
     "growing",
     "watch",
     "lmfit_fit",
@@ -216,7 +215,7 @@ def test_every_effect_has_its_file_and_every_parameter_its_row() -> None:
 
 def test_every_figure_function_is_in_the_registry() -> None:
     drawn = {spec.draw for spec in FIGURES.values()}
-    for module in ("torque_figures", "part_figures", "fit_figures"):
+    for module in ("curve_figures", "fit_figures"):
         source = __import__(f"camtorque.report.{module}", fromlist=["x"])
         for name, function in inspect.getmembers(source, inspect.isfunction):
             takes_run = list(inspect.signature(function).parameters) == ["result"]

@@ -18,7 +18,7 @@ from camtorque.laws import ROWS
 from camtorque.plan import measuring_of
 from camtorque.records import Refusal
 from camtorque.rehearsal import rigid_torque
-from camtorque.report.figures import FIGURES
+from camtorque.report.write import FIGURES
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "raw_examples"
 

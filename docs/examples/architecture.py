@@ -29,7 +29,7 @@ FLOWS = {
     "plan": "what to record next", "studies": "speed, stability",
 }  # fmt: skip
 FACES = {
-    "api": "import camtorque", "watch": "during a test", "export, trend": "tables", "commands": "camtorque COMMAND",
+    "api": "import camtorque", "watch": "during a test", "export": "tables", "commands": "camtorque COMMAND",
     "cli": "prints",
 }  # fmt: skip
 WIDTH, HEIGHT, GAP, TOP = 118, 54, 22, 74

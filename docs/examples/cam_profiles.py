@@ -12,13 +12,11 @@ from pathlib import Path
 
 import numpy as np
 from camtorque.design import Task, read_task
-from camtorque.design.answer import Answer, solve_task
-from camtorque.design.evaluate import Evaluated
+from camtorque.design.answer import Answer, first_guess, front_svg, label_of, solve_task
 from camtorque.design.explain import plain_name
-from camtorque.design.page import first_guess, front_svg, label_of
 from camtorque.design.problem import Problem
 from camtorque.design.profile import Family
-from camtorque.design.responses import RESPONSES
+from camtorque.design.responses import RESPONSES, Evaluated
 from camtorque.mechanism.sections import FLANKS
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -123,7 +123,6 @@ def _status(parsed: argparse.Namespace) -> int:
 
 
 def _failed(error: Exception, parsed: argparse.Namespace) -> int:
-    """Say in one line what went wrong."""
     from camtorque.records import Refusal
 
     refused = isinstance(error, Refusal)

@@ -34,9 +34,9 @@ class Compiled:
     @cached_property
     def dispatcher(self) -> Any:
         """What numba makes of the function, or kept of these sources."""
-        made = _numba().njit(**self.targetoptions)(self.py_func)
+        made = load_compiler().njit(**self.targetoptions)(self.py_func)
         if self.targetoptions.get("cache") and not made_from(HERE, Path(made.stats.cache_path)):
-            made = _numba().njit(**{**self.targetoptions, "cache": False})(self.py_func)
+            made = load_compiler().njit(**{**self.targetoptions, "cache": False})(self.py_func)
         return made
 
     @property
@@ -77,8 +77,11 @@ def _not_imported(name: str) -> Iterator[None]:
 
 
 @cache
-def _numba() -> ModuleType:
-    """Return numba, set up to type these functions; importing scipy for it would take 0.15 s."""
+def load_compiler() -> ModuleType:
+    """Return numba, set up to type these functions; importing scipy for it would take 0.15 s.
+
+    What `compiled_pays` asks for: called where compiled functions will be called in any case.
+    """
     import numba
     from numba.core.registry import cpu_target
     from numba.extending import typeof_impl
@@ -97,11 +100,6 @@ which loading it, half a second, pays by itself."""
 def compiled_pays(n_samples: int) -> bool:
     """Tell whether compiled passes over a channel of that many samples cost less than plain ones."""
     return n_samples >= (COMPILED_FROM if "numba" in sys.modules else LOADED_FROM)
-
-
-def load_compiler() -> None:
-    """Load what `compiled_pays` asks for, where compiled functions will be called in any case."""
-    _numba()
 
 
 def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:

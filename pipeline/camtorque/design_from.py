@@ -16,9 +16,8 @@ import numpy as np
 
 from camtorque.config.pump import PressureCurve
 from camtorque.design.answer import Answer
-from camtorque.design.fitted import FittedPump, FittedStroke
-from camtorque.design.loads import Load
-from camtorque.design.quantities import PUMP_FIELDS
+from camtorque.design.loads import FittedPump, FittedStroke, Load
+from camtorque.design.schema import PUMP_FIELDS
 from camtorque.finished_fit import FinishedFit, Rig, chain_of, curve_of, read_fit, rig_of
 from camtorque.fit.forecast import Forecast
 from camtorque.fit.known_ends import Curve

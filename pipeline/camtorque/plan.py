@@ -42,7 +42,6 @@ CHAMBER_PEAK = "chamber_peak"
 SPEED_FACTORS = (0.7, 0.85, 1.0, 1.2, 1.45)
 """Speeds on offer where none are named, as shares of the middle of the fitted ones."""
 DURATIONS = (20.0, 60.0, 180.0)
-MOST_LOADS = 3
 
 
 @dataclass(frozen=True)
@@ -131,7 +130,7 @@ def _fastest(known: KnownFit) -> FittedAt:
 def _loads(known: KnownFit) -> list[FittedAt]:
     ordered = sorted(known.recordings, key=lambda item: item.speed)
     places = sorted({0, len(ordered) // 2, len(ordered) - 1})
-    return [ordered[k] for k in places[:MOST_LOADS]]
+    return [ordered[k] for k in places]
 
 
 def measuring_of(report: Path) -> Measuring:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from camtorque.design.fitted import FRICTION_NAMES
+from camtorque.design.loads import FRICTION_NAMES
 from camtorque.finished_fit import Rig, chain_of, curve_of, load_curve, read_fit, refuse_load_of_another_pump, rig_of
 from camtorque.fit.endings import either, endings_of, if_it_ended_so, load_for, own_ending, the_other
 from camtorque.fit.forecast import Forecast, forecast, leakage_factor, refuse_leaky
@@ -41,8 +41,7 @@ from camtorque.process.threads import on_one_thread
 from camtorque.records import Estimate, Forces, Refusal
 from camtorque.report.files import inputs_document
 from camtorque.report.fit_file import NAME
-from camtorque.report.forecast_page import forecast_document
-from camtorque.report.forecast_texts import (
+from camtorque.report.forecast_page import (
     assumptions,
     beyond_text,
     constant_text,
@@ -50,6 +49,7 @@ from camtorque.report.forecast_texts import (
     end_text,
     ending_text,
     flight_text,
+    forecast_document,
     load_text,
     step_text,
 )

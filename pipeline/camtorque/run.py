@@ -59,7 +59,6 @@ class RunOptions:
 
 @contextmanager
 def _timed(seconds: dict[str, float], name: str) -> Iterator[None]:
-    """Note the wall time of a stage."""
     start = time.perf_counter()
     yield
     seconds[name] = time.perf_counter() - start

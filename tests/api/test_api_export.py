@@ -14,10 +14,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from camtorque import cli, export
+from camtorque.export import drawn_table, informed_parameters, trend_table
 from camtorque.records import Refusal
 from camtorque.report.document import result_document
 from camtorque.report.write import write_run
-from camtorque.trend import drawn_table, informed_parameters, trend_table
 from report.report_cases import run_result
 from scipy.io import loadmat
 

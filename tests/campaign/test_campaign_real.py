@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from camtorque import cli
 from camtorque.align import AlignOptions
-from camtorque.campaign.joint import joint_fit
+from camtorque.campaign.flow import joint_fit
 from camtorque.fit.joint_input import JointInput
-from camtorque.report.checksums import verify
+from camtorque.report.files import verify
 from camtorque.run import RunOptions, analyse
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -23,8 +23,6 @@ from camtorque.align import AlignOptions
 from camtorque.campaign import (
     CampaignOptions,
     flow,
-    joint,
-    key,
     list_recordings,
     prune,
     run_campaign,
@@ -34,8 +32,9 @@ from camtorque.campaign import (
 )
 from camtorque.process.workers import Lost
 from camtorque.records import Finding, Refusal
+from camtorque.report import campaign_view
 from camtorque.report.bundle import CampaignEntry
-from camtorque.report.checksums import verify
+from camtorque.report.files import verify
 from camtorque.run import RunOptions
 
 OPTIONS = RunOptions()
@@ -92,21 +91,21 @@ def test_what_changed_is_computed_again(analysed: list[str], tmp_path: Path, mon
     assert analysed == ["a", "b", "a"]
     run_campaign(raw, out, RunOptions(AlignOptions(n_theta=1800)))
     assert analysed[3:] == ["a", "b"]
-    monkeypatch.setattr(key, "code_digest", lambda: "other code")
+    monkeypatch.setattr(task, "code_digest", lambda: "other code")
     run_campaign(raw, out, OPTIONS)
     assert analysed[5:] == ["a", "b"]
 
 
 def test_any_edited_file_of_the_package_is_another_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(key, "__file__", str(tmp_path / "campaign" / "key.py"))
+    monkeypatch.setattr(task, "__file__", str(tmp_path / "campaign" / "task.py"))
     law = tmp_path / "laws" / "friction.py"
     law.parent.mkdir()
     digests = set()
     for text in ("a", "b", "b"):
         law.write_text(text)
-        digests.add(key.code_digest.__wrapped__())
+        digests.add(task.code_digest.__wrapped__())
     law.rename(law.with_name("spring.py"))
-    assert len({*digests, key.code_digest.__wrapped__()}) == 3
+    assert len({*digests, task.code_digest.__wrapped__()}) == 3
 
 
 def test_older_results_are_removed_and_none_that_is_wanted(
@@ -135,7 +134,7 @@ def test_older_results_are_removed_and_none_that_is_wanted(
     left = {path.name for path in (out / "runs").iterdir()}
     assert left < linked, "the index links to these"
     (out / "campaign.json").unlink()
-    monkeypatch.setattr(key, "code_digest", lambda: "other code")
+    monkeypatch.setattr(task, "code_digest", lambda: "other code")
     with pytest.raises(Refusal, match=r"none of the 2 results .* delete the folder by hand"):
         prune(raw, out, OPTIONS)
     assert {path.name for path in (out / "runs").iterdir()} == left
@@ -146,11 +145,11 @@ def test_older_results_are_removed_and_none_that_is_wanted(
 
 def test_the_key_holds_every_file_that_a_recording_names(tmp_path: Path) -> None:
     examples = Path(__file__).resolve().parents[2] / "raw_examples"
-    names = {path.name for path in key.input_paths(examples / "A_1250rpm")}
+    names = {path.name for path in task.input_paths(examples / "A_1250rpm")}
     assert {"recording.toml", "A_1250rpm_all.csv", "cam_A.csv", "torque_T22-40117.toml"} <= names
-    first = key.recording_key("a", examples / "A_1250rpm", OPTIONS)
-    assert first == key.recording_key("a", examples / "A_1250rpm", OPTIONS)
-    assert first != key.recording_key("b", examples / "A_1250rpm", OPTIONS), "equal recordings do not share a folder"
+    first = task.recording_key("a", examples / "A_1250rpm", OPTIONS)
+    assert first == task.recording_key("a", examples / "A_1250rpm", OPTIONS)
+    assert first != task.recording_key("b", examples / "A_1250rpm", OPTIONS), "equal recordings do not share a folder"
 
 
 def test_the_key_holds_the_certificate_of_a_bridge(tmp_path: Path) -> None:
@@ -170,8 +169,8 @@ def test_the_key_holds_the_certificate_of_a_bridge(tmp_path: Path) -> None:
     keys = set()
     for full in (1.5, 1.6):
         certificate.write_text(f"applied_torque_Nm,output_mV_per_V\n0,0\n50,{full / 2}\n100,{full}\n")
-        keys.add(key.recording_key("a", tmp_path, OPTIONS))
-    assert certificate in key.input_paths(tmp_path)
+        keys.add(task.recording_key("a", tmp_path, OPTIONS))
+    assert certificate in task.input_paths(tmp_path)
     assert len(keys) == 2
 
 
@@ -179,7 +178,7 @@ def test_a_recording_without_a_pump_stops_no_campaign(tmp_path: Path) -> None:
     whole = Path(__file__).resolve().parents[2] / "raw_examples" / "A_1250rpm" / "recording.toml"
     text, count = re.subn(r"\[pump\]\n[^\[]*", "", whole.read_text(encoding="utf-8"))
     (tmp_path / "recording.toml").write_text(text, encoding="utf-8")
-    names = {path.name for path in key.input_paths(tmp_path)}
+    names = {path.name for path in task.input_paths(tmp_path)}
     assert count == 1
     assert {"recording.toml", "A_1250rpm_all.csv", "torque_T22-40117.toml"} <= names
     assert "cam_A.csv" not in names
@@ -423,7 +422,7 @@ def test_a_page_of_hundreds_has_no_pictures(
     raw, out = make(tmp_path / "raw", a="say", b="say"), tmp_path / "out"
     run_campaign(raw, out, OPTIONS)
     assert "<svg></svg>" in (out / "campaign.html").read_text()
-    monkeypatch.setattr(flow, "MOST_THUMBNAILS", 1)
+    monkeypatch.setattr(campaign_view, "MANY", 1)
     run_campaign(raw, out, OPTIONS)
     assert "<svg></svg>" not in (out / "campaign.html").read_text()
     assert json.loads((out / "campaign.json").read_text())["n_refused"] == 0
@@ -444,8 +443,8 @@ def test_a_page_of_hundreds_has_no_pictures(
 def test_one_pump_and_one_id_per_recording_are_fitted_together(
     items: list[str], reason: str | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(joint, "HeldOnce", lambda: lambda item: item)
-    monkeypatch.setattr(joint, "fit_joint", lambda known, read, threads: [item.name for item in known])
+    monkeypatch.setattr(flow, "HeldOnce", lambda: lambda item: item)
+    monkeypatch.setattr(flow, "fit_joint", lambda known, read, threads: [item.name for item in known])
     inputs = [
         SimpleNamespace(
             name=item[0],
@@ -455,7 +454,7 @@ def test_one_pump_and_one_id_per_recording_are_fitted_together(
         )
         for k, item in enumerate(items)
     ]
-    fitted, findings = joint.joint_fit(len(inputs), inputs.__getitem__, 1)
+    fitted, findings = flow.joint_fit(len(inputs), inputs.__getitem__, 1)
     assert fitted == ([item[0] for item in items] if reason is None or "same cycles" in reason else None)
     assert [reason in finding.text for finding in findings] == [True] * (reason is not None)
 
@@ -476,6 +475,6 @@ def test_a_pipe_in_place_of_a_log_stops_no_campaign(tmp_path: Path) -> None:
     calibration = (example.parents[1] / "calibration").as_posix()
     (tmp_path / "a" / "recording.toml").write_text(text.replace("../../calibration", calibration), encoding="utf-8")
     os.mkfifo(tmp_path / "a" / "A_1250rpm_all.csv")
-    found = key.recording_key("a", tmp_path / "a", OPTIONS)
+    found = task.recording_key("a", tmp_path / "a", OPTIONS)
     os.unlink(tmp_path / "a" / "A_1250rpm_all.csv")
-    assert found != key.recording_key("a", tmp_path / "a", OPTIONS), "another reason is another key"
+    assert found != task.recording_key("a", tmp_path / "a", OPTIONS), "another reason is another key"

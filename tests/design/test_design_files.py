@@ -12,11 +12,11 @@ import pytest
 from camtorque.cli import main
 from camtorque.design import read_task
 from camtorque.design.answer import lift_table_text, pump_text, solve_task, write_chosen
+from camtorque.design.explain import shifted_follower, spreads
 from camtorque.design.front import find_front, references
 from camtorque.design.problem import Problem
-from camtorque.design.quantities import QUANTITIES
 from camtorque.design.responses import RESPONSES
-from camtorque.design.tolerances import shifted_follower, spreads
+from camtorque.design.schema import QUANTITIES
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
 from camtorque.mechanism.friction import Friction
 from camtorque.mechanism.kinematics import kinematics

@@ -18,14 +18,18 @@ from camtorque.fit.joint_fit import JointRecording
 from camtorque.fit.leftout import HeldOut
 from camtorque.fit.shared_lift import SharedLift
 from camtorque.report.bundle import OF_RESULT, CampaignEntry, CampaignResult
-from camtorque.report.campaign_figures import overlay
-from camtorque.report.campaign_page import campaign_answer, campaign_drawings, campaign_page, verdict_text
-from camtorque.report.campaign_view import CampaignView, Column, campaign_view, trends_of_losses
-from camtorque.report.campaign_write import campaign_document, write_campaign
+from camtorque.report.campaign_page import (
+    campaign_answer,
+    campaign_document,
+    campaign_drawings,
+    campaign_page,
+    verdict_text,
+    write_campaign,
+)
+from camtorque.report.campaign_view import CampaignView, Column, campaign_view, explorer_data, overlay, trends_of_losses
 from camtorque.report.document import result_document
 from camtorque.report.files import write_rows
-from camtorque.report.payload import explorer_data
-from camtorque.report.sources import ranking, shares, source_chart
+from camtorque.report.fit_figures import ranking, shares, source_chart
 from camtorque.report.write import write_run
 from report_cases import NASTY, run_result
 
@@ -39,7 +43,7 @@ def entry(name: str, doc: dict[str, Any], folder: str = "") -> CampaignEntry:
         "cycles_used": 9,
         "metrics": doc["metrics"],
     }
-    return CampaignEntry(name, f"id {name}", "ok", "", summary, "<svg></svg>", folder)
+    return CampaignEntry(name, f"id {name}", "ok", "", summary, folder)
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +115,7 @@ def test_curves_of_one_speed_go_by_their_names_and_many_have_no_legend() -> None
         conditions = (Column("speed", "rpm", speeds, np.full(speeds.size, np.nan)),)
         names = tuple(f"run {k}" for k in range(speeds.size))
         curves = np.ones((speeds.size, 4))
-        return overlay(CampaignView(names, names, conditions, (), np.arange(4.0), curves, curves, {}))
+        return overlay(CampaignView(names, names, names, conditions, (), np.arange(4.0), curves, curves, {}))
 
     assert [line.label for line in shown(np.array([800.2, 800.4])).panels[0].lines] == [
         "run 0, 800 rpm",
@@ -181,7 +185,7 @@ def many(count: int) -> CampaignView:
     names = tuple(f"2026-11-{k:04d} pump A, {speed.values[k]:.0f} rpm" for k in range(count))
     residual = random.normal(0.0, 0.05, curves.shape)
     links = tuple(f"runs/{k:016x}/report.html" for k in range(count))
-    return CampaignView(names, links, (speed, load), tuple(columns), theta, curves, residual,
+    return CampaignView(names, links, ("",) * count, (speed, load), tuple(columns), theta, curves, residual,
                         {"leakage": {"literature": 70.0, "the recording itself": 30.0}})  # fmt: skip
 
 
@@ -204,10 +208,10 @@ def joint_of(view: CampaignView) -> CampaignFit:
 def page_of_many(count: int) -> str:
     view = many(count)
     doc = result_document(run_result())
-    rows = tuple(replace(entry(name, doc), thumbnail="") for name in view.names)
+    rows = tuple(entry(name, doc) for name in view.names)
     result = CampaignResult(rows, joint_of(view), (), {}, "2026-01-01T00:00:00+00:00")
     drawings = campaign_drawings(result, view)
-    return campaign_page(campaign_document(result), view, dict.fromkeys(view.names, ""), drawings)
+    return campaign_page(campaign_document(result), view, drawings)
 
 
 def test_a_shared_parameter_that_acts_by_its_logarithm_is_shown_as_it_is() -> None:
@@ -218,12 +222,12 @@ def test_a_shared_parameter_that_acts_by_its_logarithm_is_shown_as_it_is() -> No
     drift = replace(joint.drifts[0], name="drive_lag", unit="ln(s)", slope_per_1000_rpm=np.log(0.5))
     rows = tuple(entry(name, result_document(run_result())) for name in view.names)
     result = CampaignResult(rows, replace(joint, shared_parameters=(row,), drifts=(drift,)), (), {}, "")
-    page = campaign_page(campaign_document(result), view, dict.fromkeys(view.names, ""), ())
+    page = campaign_page(campaign_document(result), view, ())
     cells = re.findall(r"<td[^>]*>(.*?)</td>", page[page.index("drive lag<small>") - 9 :])[:6]
     assert cells == ["drive lag<small>the lag</small>", "0.002", "×/÷ 1.5", "s", "0.002 ×/÷ 3.7", "× 0.5 ×/÷ 1.2"]
     untold = replace(drift, slope_per_1000_rpm=np.nan, slope_stderr=np.nan)  # all at one speed
     result = replace(result, joint=replace(joint, shared_parameters=(row,), drifts=(untold,)))
-    page = campaign_page(campaign_document(result), view, dict.fromkeys(view.names, ""), ())
+    page = campaign_page(campaign_document(result), view, ())
     assert '0.002 ×/÷ 3.7</td><td class="n">–</td>' in page
 
 
@@ -239,7 +243,7 @@ def test_the_index_of_a_thousand_recordings_fits_into_three_megabytes(tmp_path: 
     """A line for each recording, what all have in common once; the reports hold every digit."""
     view, doc = many(1000), result_document(run_result())
     summary = {key: doc[key] for key in OF_RESULT} | {"speed_rpm": 1234.56789012}
-    rows = tuple(replace(entry(name, doc), thumbnail="", summary=summary) for name in view.names)
+    rows = tuple(replace(entry(name, doc), summary=summary) for name in view.names)
     index = campaign_document(CampaignResult(rows, joint_of(view), (), {}, ""))
     write_rows(tmp_path / "campaign.json", index)
     text = (tmp_path / "campaign.json").read_text(encoding="utf-8")
@@ -322,11 +326,10 @@ def test_an_unexplained_recording_is_in_the_headline_which_is_not_green(small: t
     folder, result = small
     doc = campaign_document(replace(result, entries=result.entries[:3]))
     view = campaign_view(result.entries[:3], folder)
-    thumbnails = dict.fromkeys(view.names, "")
-    calm = campaign_page(doc, view, thumbnails, ())
+    calm = campaign_page(doc, view, ())
     assert 'class="verdict good"' in calm
     failed = {**doc, "recordings": [{**doc["recordings"][0], "explained": False}, *doc["recordings"][1:]]}
-    page = campaign_page(failed, view, thumbnails, ())
+    page = campaign_page(failed, view, ())
     assert f"Not explained: {failed['recordings'][0]['name']}." in verdict_text(failed)
     assert 'class="verdict look"' in page
 
@@ -338,7 +341,7 @@ def test_a_recording_whose_report_asks_to_look_closer_does_so_on_the_page_of_the
     asked = replace(result.entries[1], summary={**result.entries[1].summary, "verdict": "look"})
     entries = (result.entries[0], asked)
     doc, view = campaign_document(replace(result, entries=entries)), campaign_view(entries, folder)
-    page = campaign_page(doc, view, dict.fromkeys(view.names, ""), ())
+    page = campaign_page(doc, view, ())
     assert re.findall(r'">([^<]*)</a> <span class="tag warning">look closer', page) == ["run 1 #1"]
     assert 'class="verdict look"' in page
     assert "Look closer at run 1 #1." in verdict_text(doc)

@@ -13,9 +13,8 @@ from pathlib import Path
 import pytest
 from camtorque import cli
 from camtorque.records import Refusal
-from camtorque.report.checksums import SUMS, verify, visible_files, write_checksums
+from camtorque.report.files import CRATE, SUMS, verify, visible_files, write_checksums
 from camtorque.report.folder import output_folder, seal
-from camtorque.report.provenance import CRATE
 
 DOC = {
     "schema": "camtorque.result/1", "version": "0.1.0", "created": "2026-01-01T00:00:00+00:00", "seed": 3,

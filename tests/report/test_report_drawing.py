@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from camtorque.jsonable import clean
 from camtorque.records import LossEvidence, ResidualBump
-from camtorque.report.chart import Band, Curves, Line, Marks, Panel, RowPanel, Rows, Span
-from camtorque.report.curves_svg import curves_svg
+from camtorque.report.chart import Band, Curves, Line, Marks, Panel, RowPanel, Rows, Span, bump_spans, phases, strokes
+from camtorque.report.charts_svg import curves_svg, rows_svg
 from camtorque.report.fit_figures import evidence
 from camtorque.report.numbers import (
     exponents,
@@ -27,8 +27,6 @@ from camtorque.report.numbers import (
     with_sign,
 )
 from camtorque.report.payload import MISSING, chart_data, packed
-from camtorque.report.phases import bump_spans, phases, strokes
-from camtorque.report.rows_svg import rows_svg
 from camtorque.report.svg import Scale, dots, path_data, simplified, text_width, tick_text, ticks
 from report_cases import NASTY, run_result
 

@@ -19,8 +19,7 @@ from camtorque.fit.known_fit import FittedAt, KnownFit, LoadKnowledge, draws
 from camtorque.jsonable import jsonable
 from camtorque.laws import ROWS
 from camtorque.records import Estimate, Forces, Refusal
-from camtorque.report.forecast_page import _drawing, sweep_row, with_band
-from camtorque.report.forecast_texts import end_text, ending_text, flight_text
+from camtorque.report.forecast_page import _drawing, end_text, ending_text, flight_text, sweep_row, with_band
 from camtorque.report.numbers import UNKNOWN
 from camtorque.units import DEGREE
 from report_cases import THETA, falling

@@ -18,12 +18,11 @@ from camtorque.records import Refusal
 from camtorque.report import page
 from camtorque.report.alignment import write_alignment
 from camtorque.report.bundle import CampaignEntry, CampaignResult
-from camtorque.report.campaign_write import write_campaign
+from camtorque.report.campaign_page import write_campaign
 from camtorque.report.document import uncertainty_document
-from camtorque.report.figures import FIGURES
 from camtorque.report.folder import output_folder
 from camtorque.report.gaps import gap_curves
-from camtorque.report.write import write_run
+from camtorque.report.write import FIGURES, write_run
 from report_cases import NASTY, run_result
 
 METRIC_KEYS = {
@@ -256,7 +255,7 @@ def test_campaign_page_lists_a_refused_recording(tmp_path: Path) -> None:
     doc = write_run(run_result(), tmp_path)
     summary = {"speed_rpm": 1000.0, "cycles_found": 9, "cycles_used": 9, "metrics": doc["metrics"]}
     entries = (
-        CampaignEntry("a", "case", "ok", "", summary, "<svg></svg>"),
+        CampaignEntry("a", "case", "ok", "", summary),
         CampaignEntry("b", "", "refused", f"no trigger {NASTY}", {}),
     )
     written = write_campaign(CampaignResult(entries, None, (), {"total": 1.0}, "2026-01-01T00:00:00+00:00"), tmp_path)

@@ -10,7 +10,7 @@ import pytest
 from camtorque.records import CamCycles, Estimate, FittedTorque
 from camtorque.report.alignment import aligned_cycles
 from camtorque.report.bundle import RunResult
-from camtorque.report.measured import measured_chamber, measured_document
+from camtorque.report.document import measured_chamber, measured_document
 from camtorque.report.texts import measured_text
 from camtorque.report.write import write_run
 from report_cases import run_result

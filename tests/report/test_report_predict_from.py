@@ -31,8 +31,7 @@ from camtorque.ingest.pump_file import read_pressure_curve
 from camtorque.predict_from import Found
 from camtorque.records import Estimate, Refusal
 from camtorque.report.fit_file import run_fit_document
-from camtorque.report.forecast_page import assumed_of
-from camtorque.report.forecast_texts import assumptions, beyond_text, elsewhere_text, step_text
+from camtorque.report.forecast_page import assumed_of, assumptions, beyond_text, elsewhere_text, step_text
 from camtorque.report.write import write_run
 from report_cases import THETA, falling, run_result
 

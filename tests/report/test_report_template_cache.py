@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from camtorque.report.template_cache import template_cache
+from camtorque.report.page import template_cache
 from jinja2 import DictLoader, Environment
 
 

@@ -4,8 +4,16 @@ import numpy as np
 import pytest
 from camtorque.mechanism.collocation import gauss
 from camtorque.mechanism.elastic import solve_by_harmonics, solve_elastic
-from camtorque.studies.driveline import at_angles, elastic
-from camtorque.studies.integrators import TABLE, Shaft, alpha_accelerations, collocation, load_rows, march_periodic
+from camtorque.studies.driveline import (
+    TABLE,
+    Shaft,
+    alpha_accelerations,
+    at_angles,
+    collocation,
+    elastic,
+    load_rows,
+    march_periodic,
+)
 from camtorque.units import angle_grid
 
 CHECK = angle_grid(1009)

@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
-from camtorque.campaign.key import code_digest
+from camtorque.campaign.task import code_digest
 from camtorque.config.keys import Band, Key, TableSchema
 from camtorque.config.schemas import words
 from camtorque.config.tables import Problems, Table, read_keys, read_toml

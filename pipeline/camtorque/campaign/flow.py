@@ -1,4 +1,4 @@
-"""The flow of a campaign: find, map over workers, fit jointly, write the index."""
+"""The flow of a campaign: find, map over workers, fit jointly where the recordings allow it, write the index."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import json
 import os
 import re
 import time
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,28 +15,27 @@ from typing import Any
 
 from camtorque.campaign.cluster import on_cluster_file, on_scheduler
 from camtorque.campaign.find import search
-from camtorque.campaign.joint import joint_fit
-from camtorque.campaign.key import recording_key
-from camtorque.campaign.store import THUMBNAIL, campaign_folder, prepare_folder, read_entry, read_joint_input, removed
-from camtorque.campaign.task import Task, refused, run_task
+from camtorque.campaign.store import campaign_folder, prepare_folder, read_entry, read_joint_input, removed
+from camtorque.campaign.task import Task, recording_key, refused, run_task
 from camtorque.config.schemas import RECORDING_FILE
+from camtorque.fit.joint import CampaignFit, fit_joint
+from camtorque.fit.joint_input import FittedAlone, HeldOnce, JointInput
 from camtorque.hashes import real_path
+from camtorque.ingest.stated import DIMENSIONS, MOST_NAMED, difference_findings, differences
 from camtorque.jsonable import now
-from camtorque.process.threads import processors
+from camtorque.process.threads import on_one_thread, processors
 from camtorque.process.workers import Lost, on_processes
 from camtorque.progress import Progress, duration_text, silent
-from camtorque.records import Refusal
+from camtorque.records import Finding, Refusal
 from camtorque.report.bundle import CampaignEntry, CampaignResult
-from camtorque.report.campaign_write import write_campaign
-from camtorque.report.checksums import SUMS, listed_files, visible_files, write_checksums
+from camtorque.report.campaign_page import write_campaign
+from camtorque.report.files import SUMS, listed_files, visible_files, write_checksums
 from camtorque.report.fit_file import NAME as FIT_NAME
 from camtorque.report.folder import output_files
 from camtorque.results import CAMPAIGN
 from camtorque.run import RunOptions
-from camtorque.units import did_you_mean, first_of
+from camtorque.units import counted, did_you_mean, first_of
 
-MOST_THUMBNAILS = 200
-"""Recordings beyond which the page shows no pictures: it has to stay small enough to scroll."""
 HASHING_THREADS = 4
 OWN_FIGURE = re.compile(r"figures/[^/]+\.svg")
 """As an index names the figures of a campaign, which are not the same from run to run."""
@@ -206,8 +206,6 @@ def _write_index(out: Path, result: CampaignResult) -> dict[str, Any]:
 
     A joint fit of recordings that are no longer there would be taken for one of those that are.
     """
-    if len(result.entries) <= MOST_THUMBNAILS:
-        result = replace(result, entries=tuple(_with_thumbnail(out, entry) for entry in result.entries))
     # an index of an earlier version listed whatever lay beside it, files of the user too
     earlier = {name for name in listed_files(out) if name == FIT_NAME or OWN_FIGURE.fullmatch(name)}
     with output_files(out) as scratch:
@@ -220,7 +218,67 @@ def _write_index(out: Path, result: CampaignResult) -> dict[str, Any]:
     return doc
 
 
-def _with_thumbnail(out: Path, entry: CampaignEntry) -> CampaignEntry:
-    if entry.status != "ok":
-        return entry
-    return replace(entry, thumbnail=(out / entry.folder / THUMBNAIL).read_text(encoding="utf-8"))
+@on_one_thread
+def joint_fit(
+    count: int, read: Callable[[int], JointInput], threads: int
+) -> tuple[CampaignFit | None, tuple[Finding, ...]]:
+    """Return the joint fit; recordings of different pumps or groups, or of ids that repeat, cannot be fitted together.
+
+    Parameters
+    ----------
+    count : usable recordings
+    read : gives what the joint fit needs of one of them; nothing is held of those that cannot be fitted together
+    threads : recordings that are worked at side by side
+    """
+    if count < 2:
+        return _none(f"{counted(count, 'usable recording', 'usable recordings')}, a joint fit needs at least 2")
+    held, known = HeldOnce(), list[FittedAlone]()
+    pumps: dict[str, list[str]] = {}
+    same: dict[bytes, list[str]] = {}
+    for item in map(read, range(count)):
+        pumps.setdefault(item.pump_id, []).append(item.name)
+        same.setdefault(item.measured.tobytes(), []).append(item.name)
+        if len(pumps) > 1:
+            known.clear()
+        else:
+            known.append(held(item))
+    mixed = _mixed(pumps)
+    if mixed:
+        return _none(f"no joint fit: {mixed}")
+    apart = differences({item.name: item.stated for item in known})
+    pump = "; ".join(f"{name} {text}" for name, text in apart.items() if name in DIMENSIONS)
+    if pump:
+        return _none(f"no joint fit: found {pump}, expected the dimensions of one pump; correct the wrong one")
+    try:
+        return fit_joint(known, read, threads), (*difference_findings(apart), *_repeated(same.values()))
+    except Refusal as refusal:
+        return _none(str(refusal), *difference_findings(apart))
+
+
+def _mixed(pumps: Mapping[str, Sequence[str]]) -> str:
+    """Return why recordings cannot be fitted together and what to do, all of it; empty where they can."""
+    times = Counter(name for names in pumps.values() for name in names)
+    repeated = sorted(name for name, number in times.items() if number > 1)
+    found, todo = [], []
+    if len(pumps) > 1:
+        whose = [f"{pump} ({first_of(names, MOST_NAMED)})" for pump, names in sorted(pumps.items())]
+        found.append(f"pumps {', '.join(whose)}")
+        todo.append("run a campaign of each pump or group by itself")
+    if repeated:
+        found.append(f"recording ids that repeat: {', '.join(repeated)}")
+        todo.append("leave out what was copied, give every other recording an id of its own in [recording]")
+    expected = "expected one pump, one group and one id per recording"
+    return f"found {' and '.join(found)}, {expected}; {'; '.join(todo)}" if found else ""
+
+
+def _repeated(same: Iterable[Sequence[str]]) -> tuple[Finding, ...]:
+    """Return a warning on recordings that hold the same cycles under several ids."""
+    return tuple(
+        Finding("recording_repeated", "warning", f"{' and '.join(names)} hold the same cycles: what one tells counts "
+                "more than once, intervals are too narrow and each is predicted from itself; leave the copies out")
+        for names in same if len(names) > 1
+    )  # fmt: skip
+
+
+def _none(text: str, *more: Finding) -> tuple[None, tuple[Finding, ...]]:
+    return None, (Finding("no_joint_fit", "warning", text), *more)

@@ -23,7 +23,7 @@ from camtorque.report.files import write_json
 from camtorque.report.folder import LOCK, check_writable, locked
 from camtorque.results import CAMPAIGN
 
-ENTRY, JOINT, THUMBNAIL = "entry.json", "joint.bin", "thumbnail.svg"
+ENTRY, JOINT = "entry.json", "joint.bin"
 SCHEMA = "camtorque.entry/1"
 MARK = ".camtorque-campaign"
 """File that makes a folder the output of campaigns; the one that writes the index holds its lock."""
@@ -112,10 +112,8 @@ def removed(runs: Path, kept: Collection[str]) -> tuple[int, int]:
 
 
 def write_entry(folder: Path, entry: CampaignEntry) -> None:
-    """Remember what became of a recording; the picture stands in its own file, for hundreds fill a page."""
-    if entry.thumbnail:
-        (folder / THUMBNAIL).write_text(entry.thumbnail, encoding="utf-8")
-    write_json(folder / ENTRY, {"schema": SCHEMA, **asdict(entry), "thumbnail": ""})
+    """Remember what became of a recording."""
+    write_json(folder / ENTRY, {"schema": SCHEMA, **asdict(entry)})
 
 
 def read_entry(folder: Path) -> CampaignEntry | None:

@@ -1,21 +1,82 @@
-"""One recording: the unit of work. Remembered results are handed back, the others computed and written whole."""
+"""One recording: what its result depends on, as one hash, and the unit of work.
+
+Remembered results are handed back, the others computed and written whole.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
 
-from camtorque.campaign.key import recording_key
 from camtorque.campaign.store import read_entry, write_entry, write_joint_input
+from camtorque.config.recording import load_recording_config
+from camtorque.config.schemas import RECORDING_FILE
 from camtorque.fit.joint_input import joint_input
+from camtorque.hashes import file_digest
+from camtorque.ingest.sheet import read_sheet
 from camtorque.process.second_process import second_process
 from camtorque.process.stopping import was_stopped
 from camtorque.records import Refusal
-from camtorque.report.bundle import OF_RECORDING, OF_RESULT, CampaignEntry
+from camtorque.report.bundle import OF_RECORDING, OF_RESULT, THUMBNAIL, CampaignEntry
+from camtorque.report.curve_figures import thumbnail
 from camtorque.report.folder import Busy, CannotWrite, emptied, is_about, output_folder
-from camtorque.report.torque_figures import thumbnail
 from camtorque.report.write import write_run
 from camtorque.run import RunOptions, analyse
+from camtorque.version import __version__
+
+LENGTH = 32
+"""Hex digits of a key: 128 bits."""
+
+
+@cache
+def code_digest() -> str:
+    """Return the hash of the version and of every source file of this package: an edited law is another result."""
+    package = Path(__file__).parents[1]
+    digest = hashlib.sha256(__version__.encode())
+    for file in sorted(package.rglob("*.py")):
+        digest.update(file.relative_to(package).as_posix().encode())
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+def recording_key(name: str, path: Path, options: RunOptions) -> str:
+    """Return the key of one recording's result."""
+    content = {
+        "name": name,
+        "code": code_digest(),
+        "options": asdict(options),
+        "inputs": [[file.name, _digest(file)] for file in input_paths(path)],
+    }
+    return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()[:LENGTH]
+
+
+def input_paths(path: Path) -> tuple[Path, ...]:
+    """Return the files that a recording names, whether they exist or not: configuration, sheets, cam table, logs.
+
+    A configuration that cannot be used names itself alone.
+    """
+    try:
+        config = load_recording_config(path)
+    except Refusal:
+        return (path / RECORDING_FILE if path.is_dir() else path,)
+    files = [config.path, *(() if config.pump_sheet is None else (config.pump_sheet.cam_table_path,))]
+    for reference in config.sensors.values():
+        try:
+            files += read_sheet(reference).files
+        except Refusal:
+            files += [path for path in (reference.calibration_path,) if path is not None]
+    return tuple(dict.fromkeys([*files, *(spec.path for spec in config.channels)]))
+
+
+def _digest(file: Path) -> str:
+    """Return the SHA-256 of a file, or why it cannot be read: another reason is another key."""
+    try:
+        return file_digest(file)
+    except OSError as error:
+        return f"cannot be read: {error.strerror}"
 
 
 @dataclass(frozen=True)
@@ -81,7 +142,7 @@ def _done(task: Task, key: str, folder: Path) -> CampaignEntry:
     if entry.status != "ok":
         emptied(folder)
     write_entry(folder, entry)
-    return replace(entry, thumbnail="")
+    return entry
 
 
 def _reported(task: Task, key: str, folder: Path) -> CampaignEntry:
@@ -92,4 +153,5 @@ def _reported(task: Task, key: str, folder: Path) -> CampaignEntry:
     summary = {name: recording[name] for name in OF_RECORDING} | {name: doc[name] for name in OF_RESULT}
     summary["verdict"] = doc["verdict"]["level"]
     write_joint_input(folder, joint_input(prepared))
-    return CampaignEntry(task.name, recording["name"], "ok", "", summary, thumbnail(result), f"runs/{key}")
+    (folder / THUMBNAIL).write_text(thumbnail(result), encoding="utf-8")
+    return CampaignEntry(task.name, recording["name"], "ok", "", summary, f"runs/{key}")

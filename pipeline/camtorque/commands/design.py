@@ -11,8 +11,7 @@ from typing import Any
 from camtorque.commands import Outcome, Tell
 from camtorque.commands.texts import finding_lines
 from camtorque.design import Answer, answer_document, design_page, read_task, solve_task, write_chosen
-from camtorque.design.answer import TABLE
-from camtorque.design.page import fitted_cells, label_of, law_name
+from camtorque.design.answer import TABLE, fitted_cells, label_of, law_name
 from camtorque.design.responses import RESPONSES
 from camtorque.design_from import as_fitted, fitted_pump, read_known
 from camtorque.finished_fit import FinishedFit

@@ -11,13 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from camtorque.commands import Outcome, Tell
-from camtorque.export import FORMATS, report_tables
+from camtorque.export import AXES, FORMATS, drawn_table, informed_parameters, report_tables, trend_table
 from camtorque.records import Refusal, require
-from camtorque.report.checksums import SUMS
+from camtorque.report.files import SUMS
 from camtorque.report.folder import check_writable, output_files
 from camtorque.report.plots import trend_figure
 from camtorque.results import read_results
-from camtorque.trend import AXES, drawn_table, informed_parameters, trend_table
 
 PACKAGES = {"xlsx": ("openpyxl",), "parquet": ("pyarrow",)}
 DRAWN = {"fitted_rms_percent": "fitted RMS / % of peak", "chamber_peak_bar": "chamber peak / bar"}

@@ -30,18 +30,13 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     folder.mkdir(parents=True, exist_ok=True)
     with file.open("x", encoding="utf-8") as stream:
         stream.write(new.text)
-    left = (
-        f'{counted(len(new.unknown), "value is", "values are")} marked "?": {", ".join(_with_counts(new.unknown))}'
-        if new.unknown
-        else "nothing is unknown"
-    )
+    left = "nothing is unknown"
+    if new.unknown:
+        named = [f"{name} ({count} times)" if count > 1 else name for name, count in Counter(new.unknown).items()]
+        left = f'{counted(len(new.unknown), "value is", "values are")} marked "?": {", ".join(named)}'
     text = "\n".join([*map(_line, proposals), str(file), left, f"then: camtorque check {quote(str(folder))}"])
     document = {"schema": SCHEMA, "file": str(file), "unknown": new.unknown, "channels": [*map(_entry, proposals)]}
     return Outcome(text, jsonable(document))
-
-
-def _with_counts(names: tuple[str, ...]) -> list[str]:
-    return [f"{name} ({count} times)" if count > 1 else name for name, count in Counter(names).items()]
 
 
 def _line(item: Proposal) -> str:

@@ -88,7 +88,6 @@ def _from_fit(arguments: argparse.Namespace) -> Outcome:
 
 
 def _prediction(arguments: argparse.Namespace) -> tuple[Prediction, list[dict[str, str]]]:
-    """Return the prediction, and the files that it was made of."""
     config, notes = read_pump(arguments.pump)
     pressure = None if arguments.pressure is None else read_pressure_curve(arguments.pressure)
     inputs = inputs_document(input_files(arguments.pump, config.pump.cam_table_path, arguments.pressure))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from camtorque.commands import FAULTS, Outcome, Tell
-from camtorque.report.checksums import verify
+from camtorque.report.files import verify
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:

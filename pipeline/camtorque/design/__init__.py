@@ -2,11 +2,9 @@
 
 ::
 
-    DESIGN.toml -> task -> problem (variables, evaluate, responses) -> solver -> front -> answer -> page, files
-                                                                explain: prices, limits that collide
-                                                                tolerances: cams drawn at random
+    DESIGN.toml -> task -> problem (variables, responses) -> solver -> front -> answer: files, page
+                                                                     explain: prices, limits that collide, tolerances
 """
 
-from camtorque.design.answer import Answer, answer_document, solve_task, write_chosen
-from camtorque.design.page import design_page
+from camtorque.design.answer import Answer, answer_document, design_page, solve_task, write_chosen
 from camtorque.design.task import Task, read_task

@@ -11,12 +11,10 @@ from math import ceil, comb
 
 import numpy as np
 
-from camtorque.design.evaluate import Design, Evaluated
 from camtorque.design.explain import refuse_collision, refuse_idle
 from camtorque.design.problem import Problem
-from camtorque.design.programme import Scale, scaled_aims, signs_of, violation
-from camtorque.design.responses import RESPONSES
-from camtorque.design.solver import Solution, solve
+from camtorque.design.responses import RESPONSES, Design, Evaluated
+from camtorque.design.solver import Scale, Solution, scaled_aims, signs_of, solve, violation
 from camtorque.design.task import KNEE, Task
 from camtorque.process.second_process import in_two
 from camtorque.progress import Progress
@@ -94,7 +92,6 @@ def own_scale(problem: Problem) -> Scale:
 
 
 def _least_violation(problem: Problem) -> Solution:
-    """Return the design with the smallest violation of the limits."""
     generator = np.random.default_rng(problem.task.seed)
     starts = [problem.start(), *(problem.random_start(generator) for _ in range(problem.task.starts))]
     found = []

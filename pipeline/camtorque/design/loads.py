@@ -1,11 +1,13 @@
 """Load cases of a design: speed and pressure on the plunger over lift, from the [[load]] of its file.
 
-A pressure is a trapezoid over lift, a file carried by the lift, or that of a fitted chamber.
+A pressure is a trapezoid over lift, a file carried by the lift, or that of a fitted chamber, which is what a fit knows
+of the pump to be improved beside its friction.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import tomllib
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -15,14 +17,81 @@ import numpy as np
 
 from camtorque.config.pump import PressureCurve, PumpConfig
 from camtorque.config.tables import Table
-from camtorque.design.fitted import FittedPump
-from camtorque.design.quantities import MILLIMETRE
-from camtorque.design.schema import LOAD, read_values
+from camtorque.design.schema import LOAD, MILLIMETRE, read_values
 from camtorque.ingest.pump_file import read_pressure_curve
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.predict import cam_of, pressure_at
 from camtorque.records import Array, ReadOnly, Refusal
+from camtorque.results import read_result
 from camtorque.units import RPM, angle_grid, did_you_mean
+
+FACTORS = {"-": 1.0, "um": 1.0e-6, "µm": 1.0e-6, "mm": 1.0e-3, "m": 1.0}
+FRICTION_NAMES = ("guide_friction", "bearing_arm", "pin_arm")
+"""Parameters of a fit that make the friction of a pump file."""
+
+
+@dataclass(frozen=True)
+class FittedStroke(ReadOnly):
+    """The fitted chamber under the load of a recording.
+
+    Attributes
+    ----------
+    recording : its name
+    pressure : on the plunger over the angle of the fitted cam
+    delivering : share of the plunger's flow that leaves for the line, at the angles of ``pressure``; empty where no
+        chamber was fitted, which alone would tell it
+    """
+
+    recording: str
+    pressure: PressureCurve
+    delivering: Array
+
+
+@dataclass(frozen=True)
+class FittedPump:
+    """A pump as a fit knows it.
+
+    Attributes
+    ----------
+    path : of the fit, for messages
+    pump_id : of its recordings
+    friction : guide coefficient, bearing and pin arm [-, m, m]
+    law : lift of the cam that it was fitted with
+    recordings : names of what was fitted
+    stroke : recording ("" for the one nearest in speed), speed [rad/s] -> what the fitted chamber does there
+    """
+
+    path: Path
+    pump_id: str
+    friction: tuple[float, float, float]
+    law: CamLaw
+    recordings: tuple[str, ...]
+    stroke: Callable[[str, float], FittedStroke]
+
+
+def fitted_friction(path: Path, config: PumpConfig) -> tuple[float, float, float]:
+    """Return guide coefficient, bearing and pin arm [-, m, m] of a fit of the same pump.
+
+    Raises
+    ------
+    Refusal : not the result of a run, of another pump, or a pump file without an id to compare
+    """
+    document = read_result(path)
+    same_pump(path, config, str(document["recording"].get("pump", "")))
+    rows = [document["parameters"].get(name, {"value": 0.0, "unit": "-"}) for name in FRICTION_NAMES]
+    guide, bearing, pin = (float(row["value"]) * FACTORS[row["unit"]] for row in rows)
+    return guide, bearing, pin
+
+
+def same_pump(path: Path, config: PumpConfig, there: str) -> None:
+    """Refuse a fit of another pump, or a pump file without an id to compare."""
+    here = str(tomllib.loads(config.text).get("pump", {}).get("id", ""))
+    if not here or here != there:
+        raise Refusal(
+            f"{path}: is a fit of the pump {there!r}, expected that of {config.path}, whose id is {here!r}; name the "
+            "fit of this pump, or give it the same id where it is the same"
+        )
+
 
 WAYS = (("pressure_bar", "closes_mm", "spills_mm", "ramp_mm"), ("pressure_file",), ("recording",))
 """Keys of the ways to a pressure, of which a load takes one."""
@@ -118,7 +187,6 @@ def loads_of(table: Table, config: PumpConfig, fitted: FittedPump | None) -> lis
 
 
 def _fitted_load(table: Table, recording: str, speed: float, fitted: FittedPump | None) -> Load:
-    """Return the fitted chamber pressure of a recording as a load."""
     where = table.where("recording")
     if fitted is None:
         raise Refusal(f"{where}: found {recording!r} without a fit, expected one; name it with --from RESULT")

@@ -11,9 +11,8 @@ from functools import cached_property
 
 import numpy as np
 
-from camtorque.design.evaluate import Design, Evaluated
 from camtorque.design.profile import Family
-from camtorque.design.responses import RESPONSES
+from camtorque.design.responses import RESPONSES, Design, Evaluated
 from camtorque.design.task import Limit, Task
 from camtorque.records import Array
 

@@ -11,16 +11,182 @@ Every limit is scaled by its size; the multipliers come from the stationarity of
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import minimize, nnls
 
-from camtorque.design.problem import Problem
-from camtorque.design.programme import Label, Programme, Scale, scaled_aims, violation
-from camtorque.design.responses import EQUAL
+from camtorque.design.problem import Problem, Values
+from camtorque.design.responses import EQUAL, LEAST, MOST, RESPONSES
+from camtorque.design.task import Limit
 from camtorque.records import Array, ReadOnly
+
+AUGMENT = 1.0e-4
+"""Weight of the sum of all aims: what costs no other aim is taken along."""
+Label = tuple[str, Limit | str]
+"""What a constraint is of: its kind, and the limit or the name of aim or quantity that it belongs to."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """Some constraints: values (k,), slopes by the variables (k, n) and their factor, slope by other unknowns."""
+
+    value: Array
+    slope: Array
+    factor: float
+    others: Mapping[int, float]
+    label: Label
+
+    def rows(self, size: int, variables: int) -> Array:
+        """Return the slopes by all unknowns, (k, size)."""
+        rows = np.zeros((self.value.size, size))
+        rows[:, :variables] = self.factor * self.slope
+        for column, share in self.others.items():
+            rows[:, column] = share
+        return rows
+
+
+@dataclass(frozen=True)
+class Scale(ReadOnly):
+    """Offset and width by which each aim is made 0 to 1; one value per aim, in its unit and with its sign."""
+
+    offset: Array
+    width: Array
+
+
+def signs_of(problem: Problem) -> Array:
+    """Return +1 for aims that are to be least, -1 for those to be most."""
+    return np.array([1.0 if RESPONSES[name].aim == LEAST else -1.0 for name in problem.task.aims])
+
+
+class Programme:
+    """The constraints of a problem on the vector (variables, t of every aim, floors, s)."""
+
+    def __init__(self, problem: Problem, scale: Scale, reference: Array | None, relaxed: bool = False) -> None:
+        self.problem, self.scale, self.reference, self.relaxed = problem, scale, reference, relaxed
+        parts = problem.values(problem.start())
+        self.aims: tuple[str, ...] = () if relaxed else problem.task.aims
+        self.ranges = [name for name in problem.names if RESPONSES[name].extreme == "range"]
+        self.floors = {(name, k): i for i, (name, k) in enumerate(
+            (name, k) for name in self.ranges for k in range(len(parts[name]) // 2))}  # fmt: skip
+        n, m = problem.size, len(self.aims)
+        self.at_aims, self.at_floors = n, n + m
+        self.size = n + m + len(self.floors) + 1
+        self.floor_scale = {name: max(float(np.max(np.abs(parts[name][0]))), 1e-9) for name in self.ranges}
+
+    def blocks(self, vector: Array, slopes: bool) -> tuple[list[Array], list[Array], list[Label]]:
+        """Return what has to be 0 or more as (values, rows, labels); no rows without ``slopes``."""
+        n = self.problem.size
+        variables = np.ascontiguousarray(vector[:n])
+        parts = self.problem.values(variables)
+        tangents = self.problem.slopes(variables) if slopes else parts
+        found = [*self._aims(vector, parts, tangents), *self._floors(vector, parts, tangents),
+                 *self._limits(vector, parts, tangents)]  # fmt: skip
+        rules = self.problem.shape_rules()
+        found.append(Block(rules @ variables, rules, 1.0, {}, ("shape", "")))
+        labels = [block.label for block in found for _ in range(block.value.size)]
+        return [b.value for b in found], [b.rows(self.size, n) for b in found] if slopes else [], labels
+
+    def _aims(self, vector: Array, parts: Values, tangents: Values) -> Iterator[Block]:
+        """Yield that every value of an aim stays below its bound t, and t near the reference."""
+        for i, (name, sign) in enumerate(zip(self.aims, signs_of(self.problem), strict=False)):
+            width, offset, t = self.scale.width[i], self.scale.offset[i], vector[self.at_aims + i]
+            for part, slope, others in self._leveled(name, vector, parts[name], tangents[name], sign / width):
+                value = t - (sign * part - offset) / width
+                yield Block(value, slope, -sign / width, {self.at_aims + i: 1.0, **others}, ("aim", name))
+            if self.reference is not None:
+                value = np.array([vector[-1] - t + self.reference[i]])
+                others = {self.size - 1: 1.0, self.at_aims + i: -1.0}
+                yield Block(value, np.zeros((1, self.problem.size)), 0.0, others, ("reference", name))
+
+    def _floors(self, vector: Array, parts: Values, tangents: Values) -> Iterator[Block]:
+        """Yield that the lower values of a range stay above its floor."""
+        for (name, k), i in self.floors.items():
+            share, at = self.floor_scale[name], self.at_floors + i
+            value = parts[name][2 * k + 1] / share - vector[at]
+            yield Block(value, tangents[name][2 * k + 1], 1.0 / share, {at: -1.0}, ("floor", name))
+
+    def _limits(self, vector: Array, parts: Values, tangents: Values) -> Iterator[Block]:
+        """Yield that every limit is kept, or missed by no more than s."""
+        slack, shared = (vector[-1], {self.size - 1: 1.0}) if self.relaxed else (0.0, {})
+        for limit in self.problem.limits:
+            if limit.kind == EQUAL:
+                continue
+            sign, size, name = (1.0 if limit.kind == MOST else -1.0), limit.scale, limit.response
+            for part, slope, others in self._leveled(name, vector, parts[name], tangents[name], sign / size):
+                value = sign * (limit.value - part) / size + slack
+                yield Block(value, slope, -sign / size, {**shared, **others}, ("limit", limit))
+
+    def _leveled(
+        self, name: str, vector: Array, parts: tuple[Array, ...], tangents: tuple[Array, ...], scale: float
+    ) -> Iterator[tuple[Array, Array, dict[int, float]]]:
+        """Yield the values that a level bounds, less their floor, their slopes, and the slope by that floor."""
+        if RESPONSES[name].extreme != "range":
+            yield parts[0], tangents[0], {}
+            return
+        for k in range(len(parts) // 2):
+            floor, share = self.at_floors + self.floors[name, k], self.floor_scale[name]
+            yield parts[2 * k] - vector[floor] * share, tangents[2 * k], {floor: share * scale}
+
+    def equalities(self, vector: Array, slopes: bool) -> Array:
+        """Return what has to be 0: the limits of kind ``equal``, values or rows."""
+        variables = np.ascontiguousarray(vector[: self.problem.size])
+        found = []
+        for limit in self.problem.limits:
+            if limit.kind != EQUAL:
+                continue
+            if slopes:
+                row = np.zeros((1, self.size))
+                row[:, : self.problem.size] = self.problem.slopes(variables)[limit.response][0] / limit.scale
+                found.append(row)
+            else:
+                found.append((self.problem.values(variables)[limit.response][0] - limit.value) / limit.scale)
+        return np.concatenate(found) if found else np.zeros((0, self.size) if slopes else 0)
+
+    def objective(self) -> Array:
+        """Return the gradient of the objective, which is linear."""
+        gradient = np.zeros(self.size)
+        gradient[self.at_aims : self.at_floors] = AUGMENT
+        if self.reference is not None or self.relaxed:
+            gradient[-1] = 1.0
+        return gradient
+
+    def first(self, variables: Array) -> Array:
+        """Return the vector of some variables, everything else where it just fits."""
+        vector = np.zeros(self.size)
+        vector[: self.problem.size] = variables
+        parts = self.problem.values(variables)
+        for (name, k), i in self.floors.items():
+            vector[self.at_floors + i] = np.min(parts[name][2 * k + 1]) / self.floor_scale[name]
+        if self.aims:
+            vector[self.at_aims : self.at_floors] = scaled_aims(self.problem, self.scale, variables)
+        if self.reference is not None:
+            vector[-1] = np.max(vector[self.at_aims : self.at_floors] - self.reference)
+        if self.relaxed:
+            vector[-1] = max(violation(self.problem, variables), 0.0)
+        return vector
+
+    def bounds(self) -> list[tuple[float | None, float | None]]:
+        """Return the bounds of the vector."""
+        free: list[tuple[float | None, float | None]] = [(0.0, 1.0)] * self.problem.size
+        rest: list[tuple[float | None, float | None]] = [(None, None)] * (self.size - self.problem.size - 1)
+        return [*free, *rest, (0.0, None) if self.relaxed else (None, None)]
+
+
+def scaled_aims(problem: Problem, scale: Scale, variables: Array) -> Array:
+    """Return the aims of a design, 0 to 1 between ideal and worst."""
+    design = problem.evaluated(variables)
+    values = np.array([RESPONSES[name].value(design) for name in problem.task.aims])
+    return (signs_of(problem) * values - scale.offset) / scale.width
+
+
+def violation(problem: Problem, variables: Array) -> float:
+    """Return the greatest scaled violation of any limit, 0 where all are kept."""
+    design = problem.evaluated(variables)
+    misses = [limit.missed_by(RESPONSES[limit.response].value(design)) / limit.scale for limit in problem.limits]
+    return max([0.0, *misses])
+
 
 FEASIBLE = 1.0e-5
 """Scaled violation below which a limit is kept."""

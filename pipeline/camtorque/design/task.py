@@ -13,12 +13,23 @@ import numpy as np
 from camtorque.config.keys import Key
 from camtorque.config.pump import PumpConfig
 from camtorque.config.tables import Table, read_schema
-from camtorque.design.fitted import FittedPump, fitted_friction, same_pump
-from camtorque.design.loads import Load, loads_of
+from camtorque.design.loads import FittedPump, Load, fitted_friction, loads_of, same_pump
 from camtorque.design.profile import BSPLINE, LAWS, Family
-from camtorque.design.quantities import LOBE, MILLIMETRE, PUMP_FIELDS, QUANTITIES, phase_name
 from camtorque.design.responses import EQUAL, MOST, RESPONSES
-from camtorque.design.schema import ANSWER, ANY_SIZE, DESIGN_SCHEMA, LIFT, TOLERANCES, TOP, read_values
+from camtorque.design.schema import (
+    ANSWER,
+    ANY_SIZE,
+    DESIGN_SCHEMA,
+    LIFT,
+    LOBE,
+    MILLIMETRE,
+    PUMP_FIELDS,
+    QUANTITIES,
+    TOLERANCES,
+    TOP,
+    phase_name,
+    read_values,
+)
 from camtorque.hashes import input_files
 from camtorque.ingest.pump_file import read_pump
 from camtorque.records import Array, Finding, InputFile, Refusal
@@ -139,7 +150,6 @@ def read_task(path: Path | str, fitted: FittedPump | None = None) -> Task:
 
 
 def _families(table: Table, shape: Mapping[str, Any]) -> tuple[Family, ...]:
-    """Return the flanks to be tried."""
     laws = table.values.get("law", BSPLINE)
     names = [laws] if isinstance(laws, str) else laws
     if not isinstance(names, list) or not names or not all(name in LAWS for name in names):
@@ -213,7 +223,6 @@ def _bounds(free: Table, name: str, bounds: Any) -> tuple[float, float]:
 
 
 def _aims(table: Table) -> tuple[str, ...]:
-    """Return the responses to be optimised."""
     for name, way in table.values.items():
         _known_response(table, name)
         expected = RESPONSES[name].aim

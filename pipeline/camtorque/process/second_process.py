@@ -116,7 +116,9 @@ def second_process(wanted: bool = True) -> Iterator[None]:
 
     It is for commands and workers, which own their process: a fork beside the threads of other code is not safe.
     """
-    second = Second() if wanted and _possible() else None
+    on_main = threading.current_thread() is threading.main_thread()
+    possible = sys.platform == "linux" and on_main and processors() > 1
+    second = Second() if wanted and possible else None
     token = _SECOND.set(second)
     try:
         if second is None:
@@ -128,11 +130,6 @@ def second_process(wanted: bool = True) -> Iterator[None]:
         _SECOND.reset(token)
         if second:
             second.end()
-
-
-def _possible() -> bool:
-    on_main = threading.current_thread() is threading.main_thread()
-    return sys.platform == "linux" and on_main and processors() > 1
 
 
 def in_two(function: Callable[[T], R], items: Sequence[T], at_once: bool = False) -> list[R]:

@@ -13,9 +13,8 @@ from camtorque.jsonable import jsonable
 from camtorque.records import CamCycles, Recording
 from camtorque.report.chart import CAM_ANGLE, Band, Curves, Line, Panel
 from camtorque.report.cycles_file import aligned_variables, write_cycles
-from camtorque.report.drawings import drawing_of, write_figures
 from camtorque.report.files import findings_document, inputs_document, write_json, write_page
-from camtorque.report.page import render
+from camtorque.report.page import drawing_of, render, write_figures
 from camtorque.stacks import mean_of, std_of
 from camtorque.units import BAR, DEGREE
 from camtorque.version import __version__
@@ -32,7 +31,7 @@ def write_alignment(recording: Recording, cycles: CamCycles, created: str, folde
     })  # fmt: skip
     caption = "Mean over the used cycles and their scatter."
     drawings = [drawing_of("aligned_cycles", aligned_cycles(cycles), "One revolution", caption)]
-    write_figures(drawings, folder / "figures", lambda name: True)
+    write_figures(drawings, folder / "figures")
     title, text = f"{doc['name']}: aligned", recording.config.text
     write_page(folder / "align.html", render("align.html", drawings, title=title, doc=doc, config_text=text))
     write_json(folder / "align.json", doc)

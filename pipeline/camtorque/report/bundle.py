@@ -16,6 +16,8 @@ SUSPICIONS = frozenset({"torque_against_model", "uneven_running"})
 """Warnings before the fit that friction and ringing of a sound pump raise too; a fit as expected tells them apart."""
 OF_ODD_FITS = frozenset({"prior_pulled", "values_implausible", "cam_side_too_light"})
 """Findings of a fit that is not as expected."""
+THUMBNAIL = "thumbnail.svg"
+"""Measured and modelled torque, beside the report of a recording of a campaign: hundreds fill a page."""
 OF_RECORDING = ("speed_rpm", "cycles_found", "cycles_used")
 OF_RESULT = ("explained", "metrics", "effects", "losses", "chamber", "forces")
 """What a campaign repeats of a result.json: of its part ``recording``, and whole parts."""
@@ -69,7 +71,6 @@ class CampaignEntry:
     status : ``ok`` or ``refused``
     error : the reason of a refusal
     summary : the parts of its result.json that the campaign page shows
-    thumbnail : SVG of measured and modelled torque
     folder : where its report is, relative to the campaign's output
     """
 
@@ -78,7 +79,6 @@ class CampaignEntry:
     status: str
     error: str
     summary: Mapping[str, object]
-    thumbnail: str = ""
     folder: str = ""
 
 

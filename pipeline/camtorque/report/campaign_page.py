@@ -4,18 +4,35 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
 
+from camtorque.fit.drift import Drift
+from camtorque.fit.joint_fit import JointRecording
 from camtorque.fit.leftout import MODES, PREDICTED_BADLY, error_text, is_poor
+from camtorque.jsonable import jsonable
 from camtorque.records import KNOWLEDGE
 from camtorque.report.answer import known_text
-from camtorque.report.bundle import CampaignResult
-from camtorque.report.campaign_figures import drift_chart, overlay, predictions, trend
-from camtorque.report.campaign_view import MANY, CampaignView
+from camtorque.report.bundle import OF_RECORDING, OF_RESULT, CampaignEntry, CampaignResult
+from camtorque.report.campaign_view import (
+    MANY,
+    CampaignView,
+    campaign_view,
+    drift_chart,
+    explorer_data,
+    overlay,
+    predictions,
+    trend,
+)
 from camtorque.report.chart import Chart
-from camtorque.report.drawings import drawing_of
+from camtorque.report.document import parameters_document
+from camtorque.report.files import findings_document, write_json, write_page, write_rows
+from camtorque.report.fit_figures import ranking, source_chart
+from camtorque.report.fit_file import NAME as FIT_NAME
+from camtorque.report.fit_file import campaign_fit_document
 from camtorque.report.numbers import (
     UNKNOWN,
     named,
@@ -26,12 +43,66 @@ from camtorque.report.numbers import (
     with_sign,
     words,
 )
-from camtorque.report.page import Drawing, render
-from camtorque.report.payload import explorer_data
-from camtorque.report.sources import ranking, source_chart
+from camtorque.report.page import Drawing, drawing_of, render, write_figures
 from camtorque.report.texts import parameter_row
 from camtorque.report.verdict import doubtful, known_metrics, unexplained
+from camtorque.results import CAMPAIGN, CAMPAIGN_SCHEMA
 from camtorque.units import LOGARITHM
+from camtorque.version import __version__
+
+JOINT_METRICS = ("fitted", "fitted_held_out_cycles")
+"""The rigid model is that of the recording alone."""
+
+
+def write_campaign(result: CampaignResult, folder: Path, reports: Path | None = None) -> dict[str, Any]:
+    """Write campaign.html, figures and campaign.json, return the last; ``reports``: where theirs stand."""
+    doc = campaign_document(result)
+    view = campaign_view(result.entries, reports or folder)
+    drawings = campaign_drawings(result, view)
+    write_figures(drawings, folder / "figures")
+    write_page(folder / "campaign.html", campaign_page(doc, view, drawings))
+    fit = campaign_fit_document(result)
+    if fit is not None:
+        write_json(folder / FIT_NAME, fit, lines=False)
+    write_rows(folder / CAMPAIGN, doc)
+    return doc
+
+
+def campaign_document(result: CampaignResult) -> dict[str, Any]:
+    """Return the content of campaign.json."""
+    joint = result.joint
+    fitted = dict(zip(joint.names, joint.fitted, strict=True)) if joint else {}
+    return jsonable({
+        "schema": CAMPAIGN_SCHEMA, "version": __version__, "created": result.created,
+        "n_refused": sum(entry.status != "ok" for entry in result.entries),
+        "recordings": [_entry(entry, fitted.get(entry.id)) for entry in result.entries],
+        "shared_parameters": parameters_document(joint.shared_parameters) if joint else {},
+        "held_out": [asdict(row) for row in joint.held_out] if joint else [],
+        "drifts": [_drift(row) for row in joint.drifts] if joint else [],
+        "drift_recordings": joint.drifts[0].recordings if joint and joint.drifts else [],
+        "excluded": joint.excluded if joint else [],
+        "findings": findings_document((*result.findings, *(joint.findings if joint else ()))),
+        "timing_s": result.timing,
+    })  # fmt: skip
+
+
+def _entry(entry: CampaignEntry, fitted: JointRecording | None) -> Mapping[str, Any]:
+    row: dict[str, Any] = {
+        "name": entry.name, "id": entry.id or None, "status": entry.status, "error": entry.error or None,
+        "folder": entry.folder or None, "speed_rpm": None, "metrics": None, "metrics_joint": None,
+        "explained_joint": None, "verdict": None, **dict.fromkeys((*OF_RECORDING, *OF_RESULT)), **entry.summary,
+    }  # fmt: skip
+    if fitted is not None and entry.status == "ok":
+        row["metrics_joint"] = {name: asdict(fitted.metrics[name]) for name in JOINT_METRICS}
+        row["explained_joint"] = fitted.explained
+    return row
+
+
+def _drift(drift: Drift) -> Mapping[str, Any]:
+    """Return a drift, its values in the order of ``drift_recordings``; of many recordings their reports have them."""
+    content = {key: value for key, value in asdict(drift).items() if key not in ("recordings", "speeds_rpm")}
+    return content if len(drift.recordings) <= MANY else {**content, "values": None, "stderrs": None}
+
 
 MOST_NAMED, MOST_QUOTED = 5, 2
 """Recordings and warnings that the answer names."""
@@ -54,7 +125,7 @@ def campaign_drawings(result: CampaignResult, view: CampaignView) -> list[Drawin
 
     def add(name: str, title: str, text: str, section: str, chart: Chart | None, wide: bool = True) -> None:
         if chart is not None:
-            found.append(drawing_of(name, chart, title, text, section, wide))
+            found.append(drawing_of(name, chart, title, text, section, wide, png=False))
 
     add("overlay", "All recordings", "From slow (dark) to fast (bright). The nearest curve is named; a click opens its "
         "report.", "overlay", overlay(view))  # fmt: skip
@@ -156,18 +227,16 @@ def _drift_text(row: Mapping[str, Any], drift: Mapping[str, Any] | None) -> str:
     return f"{'+' if slope > 0.0 else ''}{rounded_to_error(slope, stderr)} ± {plus_minus(stderr)}"
 
 
-def campaign_page(
-    doc: Mapping[str, Any], view: CampaignView, thumbnails: Mapping[str, str], drawings: Sequence[Drawing]
-) -> str:
-    """Return campaign.html from campaign.json, the used recordings side by side, thumbnails and figures."""
+def campaign_page(doc: Mapping[str, Any], view: CampaignView, drawings: Sequence[Drawing]) -> str:
+    """Return campaign.html from campaign.json, the used recordings side by side, and figures."""
     serious = any(row["severity"] != "info" for row in doc["findings"])
-    thumbs = {name: Markup(svg) for name, svg in thumbnails.items()}
     return render(
         "campaign.html", drawings, title="Campaign", doc=doc, verdict=verdict_text(doc),
         good=not (doc["n_refused"] or serious or unexplained(doc) or doubtful(doc)), known_metrics=known_metrics,
         answer=campaign_answer(doc), shared=_shared_rows(doc),
         links=dict(zip(view.names, view.links, strict=True)),
-        thumbnails=thumbs, folded=len(doc["recordings"]) > MOST_IN_SIGHT, many=len(view.names) > MANY,
+        thumbnails=dict(zip(view.names, map(Markup, view.thumbnails), strict=True)),
+        folded=len(doc["recordings"]) > MOST_IN_SIGHT, many=len(view.names) > MANY,
         ranking=ranking(view.budget), refused=[row for row in doc["recordings"] if row["status"] != "ok"],
         explorer=explorer_data(view) if view.conditions and view.quantities else "",
     )  # fmt: skip

@@ -1,7 +1,8 @@
-"""What the page of a campaign shows of its recordings: curves and numbers, read from the reports that are written."""
+"""What the page of a campaign shows of its recordings: curves and numbers read from the reports, and their figures."""
 
 from __future__ import annotations
 
+import base64
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,17 +13,22 @@ from urllib.parse import quote
 
 import h5py
 import numpy as np
+from markupsafe import Markup
 
+from camtorque.fit.drift import Drift
+from camtorque.fit.joint import CampaignFit
 from camtorque.records import UNTOLD, Array, ReadOnly
 from camtorque.report.answer import NOT_LOSSES
-from camtorque.report.bundle import CampaignEntry
-from camtorque.report.fit_figures import CONSERVED
+from camtorque.report.bundle import THUMBNAIL, CampaignEntry
+from camtorque.report.chart import CAM_ANGLE, NARROW, RAMP, WIDE, Curves, Line, Marks, Panel, RowPanel, Rows
+from camtorque.report.fit_figures import CONSERVED, shares
 from camtorque.report.numbers import unit_text, words
-from camtorque.report.sources import shares
+from camtorque.report.payload import as_data
+from camtorque.units import DEGREE
 
 POINTS = 360
 MANY = 200
-"""Recordings from which on curves have half the points: a thousand of them have to fit into a page."""
+"""Recordings from which on curves have half the points, and no pictures: a thousand of them have to fit into a page."""
 FEWEST = 2
 """Recordings that must tell a quantity before it is offered."""
 
@@ -48,7 +54,7 @@ class CampaignView(ReadOnly):
 
     Attributes
     ----------
-    names, links : (n,) what they are called, where their pages are
+    names, links, thumbnails : (n,) what they are called, where their pages are, SVG of their torques
     conditions : speed, load, temperature, where the recordings tell them
     quantities : what was found
     theta : (m,) cam angle [rad]
@@ -58,6 +64,7 @@ class CampaignView(ReadOnly):
 
     names: tuple[str, ...]
     links: tuple[str, ...]
+    thumbnails: tuple[str, ...]
     conditions: tuple[Column, ...]
     quantities: tuple[Column, ...]
     theta: Array
@@ -100,6 +107,7 @@ def campaign_view(entries: Sequence[CampaignEntry], reports: Path) -> CampaignVi
     quantities = [_column(label, unit, path, found) for label, unit, path in NUMBERS]
     return CampaignView(
         tuple(entry.name for entry in used), tuple(f"{quote(place)}/report.html" for place in places),
+        tuple(_thumbnail(reports / place) if len(entries) <= MANY else "" for place in places),
         _shared_by_enough(conditions), _shared_by_enough([*quantities, *trends_of_losses(found), *_parameters(found)]),
         np.arange(points) * 2.0 * np.pi / points, curves[:, 0], curves[:, 1], _budget(found),
     )  # fmt: skip
@@ -119,6 +127,11 @@ def _document(path: Path) -> Mapping[str, Any]:
         },
         "uncertainty": {"budget": doc.get("uncertainty", {}).get("budget", {})},
     }
+
+
+def _thumbnail(report: Path) -> str:
+    path = report / THUMBNAIL
+    return path.read_text(encoding="utf-8") if path.is_file() else ""
 
 
 def _curves(path: Path, points: int) -> Array:
@@ -185,3 +198,118 @@ def _budget(documents: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float
         }
         for name, rows in found.items()
     }
+
+
+def explorer_data(view: CampaignView) -> Markup:
+    """Return the numbers of all recordings of a campaign for the script that draws trends and maps.
+
+    Of many recordings the standard errors are left out: their bars would cover each other, and the page has to stay
+    small; each recording's report has them.
+    """
+    few = len(view.names) <= MANY
+
+    def floats(values: Array) -> str:
+        return base64.b64encode(values.astype("<f4").tobytes()).decode("ascii")
+
+    def column(item: Column) -> dict[str, str | None]:
+        has_error = few and np.isfinite(item.stderr).any()
+        error = floats(item.stderr) if has_error else None
+        return {"label": item.label, "unit": item.unit, "v": floats(item.values), "e": error}
+
+    return as_data({
+        "names": list(view.names), "links": list(view.links), "ramp": list(RAMP),
+        "conditions": [column(item) for item in view.conditions],
+        "quantities": [column(item) for item in view.quantities],
+    })  # fmt: skip
+
+
+MOST_KEYS = 12
+"""Recordings beyond which the curves of all are told by their tones alone."""
+MOST_ROWS = 40
+"""Recordings beyond which predictions are drawn over speed, not as one row each."""
+
+
+def overlay(view: CampaignView) -> Curves | None:
+    """Show measured torque of every recording, from slow (first tone) to fast (last tone); of few the residual too."""
+    good = np.flatnonzero(np.isfinite(view.torque).all(axis=1))
+    if not good.size:
+        return None
+    order = good[np.argsort(_speeds(view)[good], kind="stable")]
+    labels = _with_speeds(view, order)
+    rank = np.arange(order.size) / max(order.size - 1, 1)
+    tones = [RAMP[round(share * (len(RAMP) - 1))] for share in rank]
+    shown = [("measured torque [N m]", view.torque, 260.0), ("measured − fitted [N m]", view.residual, 130.0)]
+    curves = list(zip(order, labels, tones, strict=True))
+    panels = tuple(
+        Panel(name, tuple(Line(label, values[k], tone, 1.0) for k, label, tone in curves), height=height,
+              keys=order.size <= MOST_KEYS)
+        for name, values, height in shown[: 1 if order.size > MANY else 2]
+    )  # fmt: skip
+    links = tuple(view.links[k] for k in order)
+    return Curves(view.theta / DEGREE, CAM_ANGLE, panels, links=links)
+
+
+def _speeds(view: CampaignView) -> np.ndarray:
+    found = next((column.values for column in view.conditions if column.label == "speed"), None)
+    return np.zeros(len(view.names)) if found is None else np.nan_to_num(found)
+
+
+def _with_speeds(view: CampaignView, order: np.ndarray) -> list[str]:
+    """Return what the curves are called: by their speeds alone where these tell the recordings apart."""
+    speeds = [f"{speed:.0f} rpm" for speed in _speeds(view)[order]]
+    if len(set(speeds)) == len(speeds):
+        return speeds
+    return [f"{view.names[k]}, {speed}" for k, speed in zip(order, speeds, strict=True)]
+
+
+def trend(column: Column, over: Column) -> Curves:
+    """Show one number over a condition; each recording is a point."""
+    good = np.flatnonzero(np.isfinite(column.values) & np.isfinite(over.values))
+    order = good[np.argsort(over.values[good], kind="stable")]
+    error = np.nan_to_num(column.stderr[order])
+    bars = error if error.any() and order.size <= MANY else None
+    line = Line(column.label, column.values[order], "fitted", points=True, error=bars)
+    panel = Panel(f"[{column.unit}]" if column.unit else "", (line,), height=110.0, zero=False, keys=False)
+    return Curves(over.values[order], over.title, (panel,), full_turn=False, width=NARROW, live=False)
+
+
+def drift_chart(joint: CampaignFit, drift: Drift) -> Curves:
+    """Show one shared parameter, fitted to every recording alone, over speed, with the joint value."""
+    shared = {row.name: row for row in joint.shared_parameters}
+    order = np.argsort(drift.speeds_rpm)
+    speeds = np.array(drift.speeds_rpm)[order]
+    error = np.nan_to_num(np.array(drift.stderrs)[order]) if order.size <= MANY else None
+    tone = "warn" if drift.significant else "fitted"
+    lines = [Line("each alone", np.array(drift.values)[order], tone, points=True, error=error)]
+    row = shared.get(drift.name)
+    if row is not None and np.isfinite(row.value):
+        lines.append(Line("joint", np.full(speeds.size, row.value), "muted", 1.2))
+    unit = unit_text(drift.unit)
+    panel = Panel(f"[{unit}]" if unit else "", tuple(lines), height=110.0, zero=False)
+    return Curves(speeds, "speed [rpm]", (panel,), full_turn=False, width=NARROW, live=False)
+
+
+def predictions(joint: CampaignFit, speeds: dict[str, float]) -> Rows | Curves:
+    """Show the RMS of every recording predicted by the others, beside joint fit and rigid model; many over speed."""
+    columns = [
+        (name, tone, [fitted.metrics[key].rms_percent_of_peak for fitted in joint.fitted])
+        for key, name, tone in (("rigid", "rigid model", "rigid"),
+                                ("fitted_held_out_cycles", "joint fit, held-out cycles", "fitted"))
+    ]  # fmt: skip
+    for mode, tone in (("own_zero_and_end", "c2"), ("blind", "c3")):
+        found = {row.name: row.metrics.rms_percent_of_peak for row in joint.held_out if row.mode == mode}
+        columns.append(("left out, " + words(mode), tone, [found.get(name, float("nan")) for name in joint.names]))
+    if len(joint.names) > MOST_ROWS:
+        return _over_speed(columns, np.array([speeds.get(name, np.nan) for name in joint.names]))
+    marks = tuple(
+        Marks(name, tuple(values), (tone,), "ring" if name.startswith("left out") else "point")
+        for name, tone, values in columns
+    )
+    return Rows(tuple(joint.names), (RowPanel("RMS residual [% of peak torque]", marks, log=True),), WIDE)
+
+
+def _over_speed(columns: list[tuple[str, str, list[float]]], speeds: np.ndarray) -> Curves:
+    order = np.argsort(speeds, kind="stable")
+    lines = tuple(Line(name, np.array(values)[order], tone, points=True) for name, tone, values in columns)
+    panel = Panel("RMS residual [% of peak]", lines, height=240.0)
+    return Curves(speeds[order], "speed [rpm]", (panel,), full_turn=False)

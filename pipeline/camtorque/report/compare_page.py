@@ -13,12 +13,10 @@ from camtorque.fit.changes import TOLD
 from camtorque.fit.uncertainty import COVERAGE
 from camtorque.jsonable import jsonable
 from camtorque.records import Array, ReadOnly
-from camtorque.report.chart import CAM_ANGLE, WIDE, Band, Curves, Line, Marks, Panel, RowPanel, Rows
-from camtorque.report.drawings import drawing_of, write_figures
+from camtorque.report.chart import CAM_ANGLE, WIDE, Band, Curves, Line, Marks, Panel, RowPanel, Rows, phases, strokes
 from camtorque.report.files import write_json, write_page
 from camtorque.report.numbers import UNKNOWN, plus_minus, rounded_to_error, significant, unit_text, words
-from camtorque.report.page import Drawing, render
-from camtorque.report.phases import phases, strokes
+from camtorque.report.page import Drawing, drawing_of, render, write_figures
 from camtorque.units import BAR, DEGREE
 
 EVENTS: dict[str, str] = {
@@ -81,7 +79,7 @@ def write_compare(found: Mapping[str, Any], curves: Sequence[ComparedCurves], fo
     """
     document = jsonable(found)
     drawings = compare_drawings(document, curves)
-    write_figures(drawings, folder / "figures", lambda name: True)
+    write_figures(drawings, folder / "figures")
     title = f"{document['before']['name']} against {document['after']['name']}"
     named = phases(curves[0].theta, curves[0].lift) if curves else ()
     html = render(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,7 @@ import h5py
 import numpy as np
 
 from camtorque.config.quantities import CHANNEL_QUANTITIES
-from camtorque.records import Array, CamCycles, Forces, Recording
+from camtorque.records import CamCycles, Forces, Recording
 from camtorque.report.files import atomic_file
 from camtorque.report.folder import reserve
 from camtorque.stacks import pieces
@@ -91,14 +92,12 @@ def _root_attributes(file: h5py.File, recording: Recording) -> None:
 def aligned_variables(cycles: CamCycles) -> list[Variable]:
     """Return the aligned cycles and their mean, without a model."""
     role = np.where(cycles.held_out, b"held_out", b"fitted")
-    deviation, deviation_std = (cycles.details.get(f"angle_deviation{end}") for end in ("", "_std"))
+    ahead, std = (cycles.details.get(f"angle_deviation{end}") for end in ("", "_std"))
     rows = [
         Variable("cycles/role", role, "1", "fitted cycles make the model, held-out ones score it"),
         Variable("cycles/speed", cycles.speed, "rad/s", "mean cam speed of the cycle"),
-        *_known("mean/angle_deviation", deviation, "rad", "measured angle ahead of even running within the revolution"),
-        *_known(
-            "mean/angle_deviation_std", deviation_std, "rad", "standard uncertainty of the measured angle deviation"
-        ),
+        Variable("mean/angle_deviation", ahead, "rad", "measured angle ahead of even running within the revolution"),
+        Variable("mean/angle_deviation_std", std, "rad", "standard uncertainty of the measured angle deviation"),
         *_others(cycles),
     ]
     if cycles.pressure.size:
@@ -106,19 +105,18 @@ def aligned_variables(cycles: CamCycles) -> list[Variable]:
             Variable("cycles/pressure", cycles.pressure, "Pa", "line pressure, gauge"),
             Variable("mean/pressure", cycles.mean_pressure, "Pa", "mean line pressure of the used cycles"),
         ]
-    if cycles.torque is None:
-        return rows
-    return [
-        *rows,
-        Variable("cycles/torque", cycles.torque, "N m", "measured drive torque"),
-        Variable("mean/torque", cycles.mean_torque, "N m", "mean measured torque of the used cycles"),
-        Variable("mean/torque_std", cycles.torque_std, "N m", "standard deviation of the torque over cycles"),
-    ]
+    if cycles.torque is not None:
+        rows += [
+            Variable("cycles/torque", cycles.torque, "N m", "measured drive torque"),
+            Variable("mean/torque", cycles.mean_torque, "N m", "mean measured torque of the used cycles"),
+            Variable("mean/torque_std", cycles.torque_std, "N m", "standard deviation of the torque over cycles"),
+        ]
+    return _known(rows)
 
 
-def _known(path: str, values: Array | None, units: str, long_name: str) -> tuple[Variable, ...]:
-    """Return a variable that not every recording or model has, where this one has it."""
-    return () if values is None else (Variable(path, values, units, long_name),)
+def _known(rows: Iterable[Variable]) -> list[Variable]:
+    """Return the variables that this recording and its model have."""
+    return [row for row in rows if row.values is not None]
 
 
 def _others(cycles: CamCycles) -> list[Variable]:
@@ -135,21 +133,25 @@ def _others(cycles: CamCycles) -> list[Variable]:
 def _model(result: RunResult) -> list[Variable]:
     fitted, rigid = result.fitted, result.rigid
     std = fitted.chamber_pressure_std
-    return [
-        Variable("model/rigid", rigid.torque, "N m", "rigid multibody torque from the line pressure"),
-        Variable("model/fitted", fitted.torque, "N m", "fitted model, pressure of the fitted cycles"),
-        Variable("model/fitted_held_out", fitted.torque_held_out, "N m", "fitted model, pressure of held-out cycles"),
-        Variable("model/true_angle", fitted.true_angle, "rad", "cam angle after trigger angle, twist and delay"),
-        Variable("model/lift", rigid.lift, "m", "follower lift at the nominal cam angle"),
-        Variable("model/lift_velocity", rigid.lift_velocity, "m/rad", "slope of the lift at the nominal cam angle"),
-        *(
-            Variable(f"model/{group}/{name}", values, "N m", f"torque by cause: {name.replace('_', ' ')}")
-            for group, causes in (("by_cause", fitted.by_cause), ("rigid_by_cause", rigid.by_cause))
-            for name, values in causes.items()
-        ),
-        *_known("model/chamber_pressure", fitted.chamber_pressure, "Pa", "rebuilt pressure on the plunger, gauge"),
-        *_known("model/chamber_pressure_std", std, "Pa", "total standard uncertainty of the chamber pressure"),
-    ]
+    return _known(
+        [
+            Variable("model/rigid", rigid.torque, "N m", "rigid multibody torque from the line pressure"),
+            Variable("model/fitted", fitted.torque, "N m", "fitted model, pressure of the fitted cycles"),
+            Variable(
+                "model/fitted_held_out", fitted.torque_held_out, "N m", "fitted model, pressure of held-out cycles"
+            ),
+            Variable("model/true_angle", fitted.true_angle, "rad", "cam angle after trigger angle, twist and delay"),
+            Variable("model/lift", rigid.lift, "m", "follower lift at the nominal cam angle"),
+            Variable("model/lift_velocity", rigid.lift_velocity, "m/rad", "slope of the lift at the nominal cam angle"),
+            *(
+                Variable(f"model/{group}/{name}", values, "N m", f"torque by cause: {name.replace('_', ' ')}")
+                for group, causes in (("by_cause", fitted.by_cause), ("rigid_by_cause", rigid.by_cause))
+                for name, values in causes.items()
+            ),
+            Variable("model/chamber_pressure", fitted.chamber_pressure, "Pa", "rebuilt pressure on the plunger, gauge"),
+            Variable("model/chamber_pressure_std", std, "Pa", "total standard uncertainty of the chamber pressure"),
+        ]
+    )
 
 
 def _forces(forces: Forces) -> list[Variable]:

@@ -1,18 +1,24 @@
-"""What every document holds and how it is written: inputs with their hashes, findings, JSON that appears whole."""
+"""How the files of an output are written, each whole: pages, JSON, where it came from (RO-Crate), SHA-256 of all."""
 
 from __future__ import annotations
 
+import base64
 import json
+import mimetypes
 import os
-from collections.abc import Iterable, Iterator, Mapping
+import platform
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
+from camtorque.hashes import file_digest
 from camtorque.jsonable import jsonable
-from camtorque.records import Finding, InputFile
+from camtorque.records import Finding, InputFile, Refusal
 from camtorque.report.numbers import typeset
+from camtorque.units import first_of
 
 ESCAPED = "backslashreplace"
 """A path may hold bytes that are not text; they are written escaped."""
@@ -75,3 +81,155 @@ def inputs_document(files: Iterable[InputFile]) -> list[dict[str, str]]:
 def findings_document(findings: Iterable[Finding]) -> list[dict[str, str]]:
     """Return findings with the typography of the page."""
     return [{**asdict(row), "text": typeset(row.text)} for row in findings]
+
+
+SUMS = "SHA256SUMS"
+LINE = re.compile(r"([0-9a-f]{64})  (\S.*)")
+
+
+def write_checksums(folder: Path, files: Iterable[Path]) -> None:
+    """Write SHA256SUMS of a folder; ``sha256sum -c SHA256SUMS`` reads it too."""
+    lines = [f"{file_digest(file)}  {file.relative_to(folder).as_posix()}\n" for file in sorted(files)]
+    with atomic_file(folder / SUMS) as partial:
+        partial.write_text("".join(lines), encoding="utf-8")
+
+
+def visible_files(folder: Path) -> list[Path]:
+    """Return the files of a folder and below it but for hidden ones and its own SHA256SUMS."""
+    found = (path for path in folder.rglob("*") if path.is_file() and path != folder / SUMS)
+    return sorted(p for p in found if not any(part.startswith(".") for part in p.relative_to(folder).parts))
+
+
+def listed_files(folder: Path) -> set[str]:
+    """Return the names, relative to the folder of an output, that its SHA256SUMS lists; none without one."""
+    lines = _lines(folder) if (folder / SUMS).is_file() else []
+    return {found[2] for found in lines if found and _is_inside(found[2])}
+
+
+def _is_inside(name: str) -> bool:
+    return not name.startswith("/") and ".." not in name.split("/")
+
+
+def unlisted_files(folder: Path) -> list[str]:
+    """Return the files of an output that its SHA256SUMS does not list: somebody put them there; none without one."""
+    return _unlisted(folder, listed_files(folder)) if (folder / SUMS).is_file() else []
+
+
+def verify(folder: Path) -> tuple[int, dict[str, str]]:
+    """Return how many files were compared, and what those are that are not as they were written: ``changed`` and so on.
+
+    A SHA256SUMS that another one lists is followed, so the index of a campaign vouches for all its recordings.
+
+    Raises
+    ------
+    Refusal : the folder holds no SHA256SUMS
+    """
+    if not (folder / SUMS).is_file():
+        below = sorted(path.parent.as_posix() for path in folder.glob(f"*/{SUMS}"))
+        what = f"there are {first_of(below, 3)}" if below else "check the path"
+        raise Refusal(f"{folder}: found no {SUMS}, expected the output of a command; {what}")
+    compared = dict(_compared(folder, Path()))
+    faults = {name: kind for name, kind in compared.items() if kind}
+    listed = set(compared)
+    more = (name for name in _unlisted(folder, listed) if not _in_a_folder_of_its_own(name, listed))
+    return len(compared), faults | dict.fromkeys(more, "not listed")
+
+
+def _lines(folder: Path) -> list[re.Match[str] | None]:
+    """Return the lines of a folder's SHA256SUMS, None for a damaged one."""
+    text = (folder / SUMS).read_text(encoding="utf-8", errors="replace")
+    return [LINE.fullmatch(line) for line in text.splitlines()]
+
+
+def _unlisted(folder: Path, listed: set[str]) -> list[str]:
+    names = (path.relative_to(folder).as_posix() for path in visible_files(folder))
+    return [name for name in names if name not in listed]
+
+
+def _compared(folder: Path, below: Path) -> Iterator[tuple[str, str]]:
+    """Yield each listed file with its fault, "" where it is as it was."""
+    for number, found in enumerate(_lines(folder / below), 1):
+        if found is None or not _is_inside(found[2]):
+            yield f"{(below / SUMS).as_posix()} line {number}", "damaged"
+            continue
+        place = below / found[2]
+        kind = _kind(folder / place, found[1])
+        yield place.as_posix(), kind
+        if place.name == SUMS and kind != "missing" and place.parent != below:
+            yield from _compared(folder, place.parent)
+
+
+def _kind(path: Path, digest: str) -> str:
+    try:
+        return "" if file_digest(path) == digest else "changed"
+    except FileNotFoundError:
+        return "missing"
+
+
+def _in_a_folder_of_its_own(name: str, listed: set[str]) -> bool:
+    """Tell whether a file lies in a ``runs/KEY`` that this index does not list: of other options, or unfinished."""
+    parts = name.split("/")
+    return parts[0] == "runs" and len(parts) > 2 and f"runs/{parts[1]}/{SUMS}" not in listed
+
+
+CRATE, COMPUTATION = "ro-crate-metadata.json", "#computation"
+SPECIFICATION = "https://w3id.org/ro/crate/1.1"
+PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
+TERMS = "https://w3id.org/ro/terms/workflow-run/context"
+LICENCE = "https://spdx.org/licenses/MIT"
+SOFTWARE = "https://pypi.org/project/camtorque/"
+MEDIA = {".h5": "application/x-hdf5", ".json": "application/json", ".svg": "image/svg+xml", ".bin": "application/zlib"}
+Entity = Mapping[str, Any]
+DESCRIPTOR = {"@id": CRATE, "@type": "CreativeWork", "conformsTo": {"@id": SPECIFICATION}, "about": {"@id": "./"}}
+PROCESS_RUN = {"@id": PROFILE, "@type": "CreativeWork", "name": "Process Run Crate", "version": "0.5"}
+MIT = {"@id": LICENCE, "@type": "CreativeWork", "name": "MIT", "description": "licence of the software"}
+
+
+def write_crate(folder: Path, doc: Mapping[str, Any], title: str) -> None:
+    """Write ro-crate-metadata.json of a finished folder; ``doc``: its result.json or align.json."""
+    inputs = [_input(item) for item in doc["inputs"]]
+    outputs = [_output(path, folder) for path in visible_files(folder) if path != folder / CRATE]
+    root = {
+        "@id": "./", "@type": "Dataset", "name": title,
+        "description": f"What camtorque {doc['version']} computed of {title}",
+        "datePublished": doc["created"], "license": {"@id": LICENCE}, "conformsTo": {"@id": PROFILE},
+        "hasPart": references([*inputs, *outputs]), "mentions": {"@id": COMPUTATION},
+    }  # fmt: skip
+    software = {
+        "@id": SOFTWARE, "@type": "SoftwareApplication", "name": "camtorque", "url": SOFTWARE,
+        "softwareVersion": doc["version"], "softwareRequirements": f"Python {platform.python_version()}",
+        "operatingSystem": platform.system(),
+    }  # fmt: skip
+    action = {
+        "@id": COMPUTATION, "@type": "CreateAction", "name": f"{doc['schema']} of {title}",
+        "description": "the options stand in the report",
+        "instrument": {"@id": SOFTWARE}, "endTime": doc["created"], "actionStatus": "http://schema.org/CompletedActionStatus",
+        "object": references(inputs), "result": references(outputs),
+    }  # fmt: skip
+    graph = [DESCRIPTOR, root, PROCESS_RUN, MIT, software, action, *inputs, *outputs]
+    write_json(folder / CRATE, {"@context": [f"{SPECIFICATION}/context", TERMS], "@graph": graph})
+
+
+def _input(item: Mapping[str, str]) -> Entity:
+    """Return a file that was read, named by its content, not by its place on this disk."""
+    digest = base64.urlsafe_b64encode(bytes.fromhex(item["sha256"])).decode().rstrip("=")
+    name = PurePath(item["path"]).name
+    return {"@id": f"ni:///sha-256;{digest}", "@type": "File", "name": name, "encodingFormat": media_type(name),
+            "sha256": item["sha256"]}  # fmt: skip
+
+
+def _output(path: Path, folder: Path) -> Entity:
+    name = path.relative_to(folder).as_posix()
+    return {"@id": name, "@type": "File", "name": name, "encodingFormat": media_type(name),
+            "contentSize": str(path.stat().st_size)}  # fmt: skip
+
+
+def references(entities: Sequence[Entity]) -> list[Entity]:
+    """Return references to entities."""
+    return [{"@id": entity["@id"]} for entity in entities]
+
+
+def media_type(name: str) -> str:
+    """Return the media type of a file by its name."""
+    suffix = PurePath(name).suffix.lower()
+    return MEDIA.get(suffix) or mimetypes.guess_type(name)[0] or "application/octet-stream"

@@ -20,8 +20,7 @@ from camtorque.hashes import real_path
 from camtorque.process.stopping import before_leaving
 from camtorque.process.system import described
 from camtorque.records import Refusal
-from camtorque.report.checksums import unlisted_files, visible_files, write_checksums
-from camtorque.report.provenance import write_crate
+from camtorque.report.files import unlisted_files, visible_files, write_checksums, write_crate
 from camtorque.units import first_of
 
 try:

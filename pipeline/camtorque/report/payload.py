@@ -12,9 +12,7 @@ from markupsafe import Markup
 
 from camtorque.jsonable import clean
 from camtorque.records import Array
-from camtorque.report.campaign_view import MANY, CampaignView, Column
 from camtorque.report.chart import Band, Curves, Line, Panel, Span
-from camtorque.report.tones import RAMP
 
 STEPS = 65_000.0
 """Steps over the range of a curve: the screen shows a thousand pixels."""
@@ -87,29 +85,6 @@ def chart_data(charts: Mapping[str, Curves], phases: tuple[Span, ...] = ()) -> M
         "phases": [_span(span) for span in phases],
     }
     return as_data(data)
-
-
-def explorer_data(view: CampaignView) -> Markup:
-    """Return the numbers of all recordings of a campaign for the script that draws trends and maps.
-
-    Of many recordings the standard errors are left out: their bars would cover each other, and the page has to stay
-    small; each recording's report has them.
-    """
-    few = len(view.names) <= MANY
-
-    def floats(values: Array) -> str:
-        return base64.b64encode(values.astype("<f4").tobytes()).decode("ascii")
-
-    def column(item: Column) -> dict[str, str | None]:
-        has_error = few and np.isfinite(item.stderr).any()
-        error = floats(item.stderr) if has_error else None
-        return {"label": item.label, "unit": item.unit, "v": floats(item.values), "e": error}
-
-    return as_data({
-        "names": list(view.names), "links": list(view.links), "ramp": list(RAMP),
-        "conditions": [column(item) for item in view.conditions],
-        "quantities": [column(item) for item in view.quantities],
-    })  # fmt: skip
 
 
 def as_data(data: Mapping[str, Any]) -> Markup:

@@ -10,12 +10,10 @@ from typing import Any
 import numpy as np
 
 from camtorque.fit.planning import TOOTH
-from camtorque.report.chart import HALF, Curves, Line, Marks, Panel, RowPanel, Rows
-from camtorque.report.drawings import drawing_of
+from camtorque.report.chart import CYCLE, HALF, Curves, Line, Marks, Panel, RowPanel, Rows
 from camtorque.report.files import write_json, write_page
 from camtorque.report.numbers import plus_minus, rounded_to_error, unit_text, words
-from camtorque.report.page import Drawing, render
-from camtorque.report.tones import CYCLE
+from camtorque.report.page import Drawing, drawing_of, render
 
 MOST_CURVES = 6
 """Lines of the chart of runs on offer: more cannot be distinguished."""

@@ -13,8 +13,8 @@ from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from camtorque.report.tones import CYCLE as TONES_OF_CURVES
-from camtorque.report.tones import light
+from camtorque.report.chart import CYCLE as TONES_OF_CURVES
+from camtorque.report.chart import light
 
 WIDTH, HEIGHT = 3.4, 1.9
 """Of one panel [inch]."""

@@ -9,15 +9,11 @@ from typing import Any
 import numpy as np
 
 from camtorque.mechanism.predict import Prediction, prediction_document, sweep_rows
-from camtorque.report.chart import CAM_ANGLE, HALF, WIDE, Curves, Line, Panel
-from camtorque.report.drawings import drawing_of
+from camtorque.report.chart import CAM_ANGLE, CYCLE, DASHES, HALF, WIDE, Curves, Line, Panel, phases, strokes
 from camtorque.report.files import write_json, write_page
 from camtorque.report.folder import output_folder
 from camtorque.report.numbers import significant, with_decimals, words
-from camtorque.report.page import render
-from camtorque.report.phases import phases, strokes
-from camtorque.report.tones import CYCLE
-from camtorque.report.torque_figures import DASHES
+from camtorque.report.page import drawing_of, render
 from camtorque.units import BAR, DEGREE, RPM
 
 SWEEP = {

@@ -12,9 +12,8 @@ from markupsafe import escape
 
 from camtorque.jsonable import clean
 from camtorque.records import Array
-from camtorque.report.chart import Band, Line, Marks
+from camtorque.report.chart import Band, Line, Marks, fill, stroke
 from camtorque.report.numbers import MINUS
-from camtorque.report.tones import fill, stroke
 
 FONT = "-apple-system,'Segoe UI',Roboto,'Helvetica Neue',Arial,'DejaVu Sans',sans-serif"
 FONT_SIZE = 12.0

@@ -1,23 +1,104 @@
-"""Everything of one run into a folder, and its page as PDF (WeasyPrint, extra `pdf`)."""
+"""Everything of one run into a folder: every figure in the order of the page, and the page as PDF (extra `pdf`)."""
 
 from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from camtorque.records import Refusal
+from camtorque.report import curve_figures, fit_figures
 from camtorque.report.bundle import RunResult
+from camtorque.report.chart import Chart, phases
 from camtorque.report.cycles_file import result_variables, write_cycles
 from camtorque.report.document import result_document
-from camtorque.report.drawings import drawing_of, write_figures
-from camtorque.report.figures import FIGURES
 from camtorque.report.files import atomic_file, write_json, write_page
 from camtorque.report.fit_file import NAME as FIT_NAME
 from camtorque.report.fit_file import run_fit_document
-from camtorque.report.page import run_page
-from camtorque.report.phases import phases
+from camtorque.report.page import drawing_of, run_page, write_figures
+
+
+@dataclass(frozen=True)
+class FigureSpec:
+    """One figure of a run: a `Drawing` but for what ``draw`` shows, None where the run has nothing to show."""
+
+    title: str
+    caption: str
+    draw: Callable[[RunResult], Chart | None]
+    section: str
+    wide: bool = False
+    png: bool = False
+
+
+FIGURES: dict[str, FigureSpec] = {
+    "torque_full": FigureSpec(
+        "Torque over one revolution",
+        "Where the dashed rigid model leaves the measured mean, something is missing in it; the fitted model should "
+        "lie on the measured mean. Below: what the fit leaves over, on cycles that were not fitted.",
+        curve_figures.full_cycle, "curves", True, True,
+    ),
+    "pressure": FigureSpec(
+        "Line pressure and chamber pressure", "The sensor sits behind the delivery valve. The chamber pressure is "
+        "rebuilt from the torque and the laws of the chamber, and is what loads the plunger.",
+        curve_figures.pressures, "curves", True, True,
+    ),
+    "lift": FigureSpec("Lift", "The strokes are those of the lift.", curve_figures.lift, "curves", True),
+    "torque_forward": FigureSpec(
+        "Forward stroke", "The lift rises; the pump is loaded.", partial(curve_figures.stroke, which=0), "strokes",
+    ),
+    "torque_return": FigureSpec(
+        "Return stroke", "The lift falls; what is still compressed drives the cam.", 
+        partial(curve_figures.stroke, which=1), "strokes",
+    ),
+    "gap": FigureSpec(
+        "What closes the gap", "Measured − rigid torque, by cause. Left: mean over the loaded part of the forward "
+        "stroke. Right: where the measured torque is least on the return stroke. Lines: two standard uncertainties.",
+        fit_figures.gap, "causes",
+        png=True,
+    ),
+    "losses": FigureSpec(
+        "Work per revolution", "Each cause integrated for itself over the true cam angle. Lines: two standard "
+        "uncertainties.", fit_figures.losses, "causes",
+    ),
+    "torque_by_cause": FigureSpec(
+        "Torque by cause", "Each law for itself, as the transducer sees it; all of them sum to the fitted model. Each "
+        "panel has its own scale.", curve_figures.by_cause, "causes", True,
+    ),
+    "evidence": FigureSpec(
+        "Which losses the data need", "Left: evidence for the loss against its absence (2 ln of the Bayes factor); to "
+        "the left of zero the data do better without. Right: how much the loss moves the mean cycle.",
+        fit_figures.evidence, "evidence", True, True,
+    ),
+    "motion": FigureSpec(
+        "Velocity and acceleration of the follower", "At the mean speed.", curve_figures.motion, "inside",
+    ),
+    "contact": FigureSpec(
+        "Contact of cam and roller", "Normal force and the largest Hertz pressure.", curve_figures.contact, "inside",
+    ),
+    "reactions": FigureSpec("Bearing and guide reactions", "Of the fitted model.", curve_figures.reactions, "inside"),
+    "cam_angle": FigureSpec(
+        "Cam angle", "How far the cam is from where the trigger and a constant speed put it.", curve_figures.cam_angle,
+        "alignment",
+    ),
+    "cycles": FigureSpec(
+        "Used cycles", "A trend or a step here means that the run was not steady.", curve_figures.cycles, "alignment",
+    ),
+    "priors": FigureSpec(
+        "Parameters against expectation", "Shaded: within two standard deviations of sheet, certificate or literature. "
+        "Grey: no surer than before.", fit_figures.priors, "uncertainty",
+    ),
+    "budget": FigureSpec(
+        "Where the uncertainty comes from",
+        "Variance of each parameter that the data say something about, by source. The name of a parameter stands for "
+        "what was known of it before: sheet, certificate, literature.", fit_figures.budget, "uncertainty",
+        True,
+    ),
+}  # fmt: skip
+"""File name -> figure."""
 
 
 def write_run(result: RunResult, folder: Path) -> dict[str, Any]:
@@ -25,11 +106,11 @@ def write_run(result: RunResult, folder: Path) -> dict[str, Any]:
     start = time.perf_counter()
     write_cycles(folder / "cycles.h5", result.recording, result.cycles, result_variables(result))
     drawings = [
-        drawing_of(name, chart, spec.title, spec.caption, spec.section, spec.wide)
+        drawing_of(name, chart, spec.title, spec.caption, spec.section, spec.wide, spec.png)
         for name, spec in FIGURES.items()
         if (chart := spec.draw(result)) is not None
     ]
-    write_figures(drawings, folder / "figures", lambda name: FIGURES[name].png)
+    write_figures(drawings, folder / "figures")
     doc = result_document(result)
     correlation = (result.fitted.correlation_names, result.fitted.correlation)
     strokes = phases(result.rigid.theta, result.rigid.lift)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -10,13 +11,18 @@ from camtorque.mechanism.kinematics import kinematics
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Array
 from camtorque.studies.case import knotted_law, peak_error, study_pump
-from camtorque.studies.driveline import LINEAR, PREDICT, adaptive, at_angles, elastic, harmonic
-from camtorque.studies.integrators import (
+from camtorque.studies.driveline import (
+    LINEAR,
+    PREDICT,
     SCHEMES,
     TABLE,
     Shaft,
+    adaptive,
     alpha_accelerations,
+    at_angles,
     collocation,
+    elastic,
+    harmonic,
     load_rows,
     march_periodic,
 )
@@ -95,7 +101,9 @@ def stiffness_map(quick: bool) -> StabilityMap:
         for scheme in SCHEMES:
             cells.append(cell(name, scheme, partial(_march, table, scheme, shaft, reference), LIMITS))
         cells.append(cell(name, PREDICT, partial(_package, shaft, reference), LIMITS, default=True))
-        cells.append(cell(name, "collocation in cam angle", partial(_collocated, shaft, reference), LIMITS))
+        stands = "the cam comes to a stand inside the revolution"
+        collocated = partial(_solved, partial(collocation, shaft, 360, 4), stands, reference)
+        cells.append(cell(name, "collocation in cam angle", collocated, LIMITS))
     note = "c = 0.5 N m s/rad, 500 rpm, five turns from rest; error of the shaft torque over its peak"
     return StabilityMap(
         "driveline_stiffness", f"Stiff and soft shafts, {STEPS} steps per revolution", tuple(cells), note
@@ -107,17 +115,10 @@ def _package(shaft: Shaft, reference: Array | None) -> Outcome:
     return _error(found, reference) if reference is not None else 1.0
 
 
-def _collocated(shaft: Shaft, reference: Array | None) -> Outcome:
-    theta, torque, success = collocation(shaft, 360, 4)
+def _solved(solve: Callable[[], tuple[Array, Array, bool]], failure: str, reference: Array | None) -> Outcome:
+    theta, torque, success = solve()
     if not success or reference is None:
-        raise ArithmeticError("the cam comes to a stand inside the revolution")
-    return _error((theta, torque), reference)
-
-
-def _adaptive(table: Array, shaft: Shaft, method: str, tolerance: float, capped: bool, reference: Array) -> Outcome:
-    theta, torque, success = adaptive(table, shaft, method, tolerance, capped)
-    if not success:
-        raise ArithmeticError("solve_ivp: success = False")
+        raise ArithmeticError(failure)
     return _error((theta, torque), reference)
 
 
@@ -131,7 +132,8 @@ def event_map(quick: bool) -> StabilityMap:
         for tolerance in (1e-5,) if quick else (1e-3, 1e-5, 1e-7):
             for capped in (True, False):
                 step = "max_step 5 deg" if capped else "max_step free"
-                attempt = partial(_adaptive, table, shaft, method, tolerance, capped, reference)
+                solve = partial(adaptive, table, shaft, method, tolerance, capped)
+                attempt = partial(_solved, solve, "solve_ivp: success = False", reference)
                 cells.append(cell(f"rtol {tolerance:g}, {step}", f"scipy {method}", attempt, LIMITS))
     linear = partial(harmonic, load_rows(angle_grid(3600)), shaft)
     for name in dict.fromkeys(item.condition for item in cells):
@@ -214,7 +216,6 @@ def _multiplier(rho: float, steps: int, turns: int) -> Outcome:
 
 
 def _minimal(steps: int) -> Outcome:
-    """Return the same for the package's force, in minimal coordinates."""
     speed, theta = FAST * Shaft().speed, angle_grid(steps)
     lift, _, curve = knotted_law().derivatives(theta, 2)
     found = closed_form_tables(study_pump(), knotted_law(), theta).evaluate("contact_y", np.zeros(steps), speed)
