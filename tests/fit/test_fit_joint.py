@@ -21,6 +21,7 @@ from camtorque.fit.drift import (
     drift_spread,
     shared_drifts,
 )
+from camtorque.fit.evidence import LOSSES
 from camtorque.fit.joint import (
     anchors,
     fit_joint,
@@ -29,7 +30,7 @@ from camtorque.fit.joint import (
     searched_anew,
     solve_joint,
 )
-from camtorque.fit.joint_fit import residual_covariance
+from camtorque.fit.joint_fit import joint_evidence, residual_covariance
 from camtorque.fit.joint_input import HeldOnce, common_error, joint_input, refuse_two_states, with_common_rows
 from camtorque.fit.joint_solver import joint_setup, solve_many, try_at
 from camtorque.fit.known_fit import KnownFit
@@ -61,9 +62,10 @@ from camtorque.fit.problem import (
     with_starts,
 )
 from camtorque.fit.shared_lift import all_lift_information, lift_information, shared_lift_from
+from camtorque.fit.solver import with_slopes
 from camtorque.fit.starts import ends_at
 from camtorque.laws import ROWS
-from camtorque.laws.chain import BINS, COLUMN_NAMES, binned, evaluate, filtered, transfer
+from camtorque.laws.chain import BINS, COLUMN_NAMES, binned, derivative_by, evaluate, filtered, transfer
 from camtorque.laws.lift import LiftCorrection
 from camtorque.process.threads import in_turn
 from camtorque.records import Metrics, Refusal
@@ -738,3 +740,20 @@ def test_what_is_the_same_is_held_once(prepared):
     found = list(map(HeldOnce(), [*copies, *pickle.loads(pickle.dumps(prepared))]))
     assert len({id(item.data.chain.law) for item in found}) == 1, "one pump, one lift table"
     assert len({id(item.data.rows["leakage"].meaning) for item in found}) == 1
+
+
+@pytest.mark.parametrize(("kept", "needed"), [(1.0, True), (0.0, False)])
+def test_several_speeds_tell_damping_from_other_losses(prepared, solved, kept, needed):
+    """At one speed viscous drag of the shaft is a constant, like other drag and the transducer's zero."""
+    problem, solution = solved
+    friction = rig(*FAMILY, SPEEDS[0]).truth.friction
+    losses = {name: getattr(friction, name) for name in LOSSES["damping"]}
+    items = []
+    for k, one in enumerate(started_at(problem, solution.z)):
+        columns = derivative_by(with_slopes(problem, solution.z, k)[0], list(losses))
+        items.append(replace(one, torque=one.torque - (1.0 - kept) * columns @ list(losses.values())))
+    moved = build_problem(items)
+    fit = joint_fit_of(prepared, moved, solve_many(moved, moved.start, 25))
+    rows = {row.name: row for row in joint_evidence(fit, np.full(len(prepared), 0.03))}
+    assert rows["friction"].verdict == "needed"
+    assert (rows["damping"].verdict == "needed") == needed, rows["damping"]

@@ -202,7 +202,7 @@ def joint_of(view: CampaignView) -> CampaignFit:
     one = JointRecording((), "land", found, True)
     cov = ArrowCovariance.whole(np.zeros((0, 0)))
     lift = SharedLift(np.arange(8.0), np.zeros(4), np.zeros(4))
-    return CampaignFit(ids, (), (one,) * len(ids), (), np.zeros(0), cov, held, drifts, (), (), None, lift)
+    return CampaignFit(ids, (), (one,) * len(ids), (), np.zeros(0), cov, held, drifts, (), (), None, lift, ())
 
 
 def page_of_many(count: int) -> str:
@@ -284,10 +284,13 @@ def test_the_answer_names_what_is_not_explained_what_was_refused_and_what_drifts
         "recordings": [row("A", True), row("B", False)], "n_refused": 1,
         "findings": [{"severity": "warning", "text": text}],
         "shared_parameters": {"leakage": {"knowledge": "measured"}, "spring": {"knowledge": "narrowed"}},
+        "evidence": {"friction": {"verdict": "needed"}, "damping": {"verdict": "cannot tell"}},
     }  # fmt: skip
     parts = {part["head"]: part["text"] for part in campaign_answer(doc)}
     assert "lies 8 to 26 % above the rigid model" in parts["The gap"]
     assert "Of 2 shared parameters 1 are measured" in parts["How sure"]
+    said = "The data need friction. They cannot tell whether they need damping."
+    assert parts["Losses, by all recordings together"] == said
     assert parts["What to do"].startswith("Not explained: B; open its report first. 1 refused")
     assert parts["What to do"].endswith("Coupling resonance drifts.")
     alike = {part["head"]: part["text"] for part in campaign_answer({**doc, "recordings": [row("A", True)]})}

@@ -93,14 +93,19 @@ def closing_text(doc: Document) -> str:
         others = f", all else {with_sign(sum(row[key] for row in rest))}" if rest else ""
         left = next((row[key] for row in gap["causes"] if row["cause"] == "residual"), None)
         parts.append(f"{what}, {with_sign(gap['total'][key])} N m: {named}{others}; {with_sign(left)} left over.")
-    evidence = doc["evidence"]
+    return " ".join([*parts, *needs(doc["evidence"])])
+
+
+def needs(evidence: Mapping[str, Any]) -> list[str]:
+    """Return a sentence each on the losses that the data need, cannot tell, and do not need."""
     if EITHER_LOSS in evidence:  # which of the two nobody knows
         evidence = {name: row for name, row in evidence.items() if name not in APART}
+    found = []
     for verdict_word, text, then in SAID:
         names = [words(name) for name, row in evidence.items() if row["verdict"] == verdict_word]
         if names:
-            parts.append(f"{text} {', '.join(names)}{then}.")
-    return " ".join(parts)
+            found.append(f"{text} {', '.join(names)}{then}.")
+    return found
 
 
 def work_parts(losses: Mapping[str, Any], errors: Mapping[str, Any]) -> dict[str, tuple[float, float | None]]:

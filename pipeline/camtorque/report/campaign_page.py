@@ -15,7 +15,7 @@ from camtorque.fit.joint_fit import JointRecording
 from camtorque.fit.leftout import MODES, PREDICTED_BADLY, error_text, is_poor
 from camtorque.jsonable import jsonable
 from camtorque.records import KNOWLEDGE
-from camtorque.report.answer import known_text
+from camtorque.report.answer import known_text, needs
 from camtorque.report.bundle import OF_RECORDING, OF_RESULT, CampaignEntry, CampaignResult
 from camtorque.report.campaign_view import (
     MANY,
@@ -28,7 +28,7 @@ from camtorque.report.campaign_view import (
     trend,
 )
 from camtorque.report.chart import Chart
-from camtorque.report.document import parameters_document
+from camtorque.report.document import evidence_document, parameters_document
 from camtorque.report.files import findings_document, write_json, write_page, write_rows
 from camtorque.report.fit_figures import ranking, source_chart
 from camtorque.report.fit_file import NAME as FIT_NAME
@@ -77,6 +77,7 @@ def campaign_document(result: CampaignResult) -> dict[str, Any]:
         "n_refused": sum(entry.status != "ok" for entry in result.entries),
         "recordings": [_entry(entry, fitted.get(entry.id)) for entry in result.entries],
         "shared_parameters": parameters_document(joint.shared_parameters) if joint else {},
+        "evidence": evidence_document(joint.evidence) if joint else {},
         "held_out": [asdict(row) for row in joint.held_out] if joint else [],
         "drifts": [_drift(row) for row in joint.drifts] if joint else [],
         "drift_recordings": joint.drifts[0].recordings if joint and joint.drifts else [],
@@ -191,6 +192,8 @@ def campaign_answer(doc: Mapping[str, Any]) -> list[dict[str, str]]:
         how = f"lies {range_text} above the rigid model" if above else f"differs from the rigid model by {range_text}"
         text = f"On the loaded forward stroke the measured torque {how}."
         parts.append({"head": "The gap", "text": text})
+    if said := needs(doc["evidence"]):
+        parts.append({"head": "Losses, by all recordings together", "text": " ".join(said)})
     if known:
         parts.append({"head": "How sure", "text": known_text(known.values(), "shared parameters")})
     odd = unexplained(doc)

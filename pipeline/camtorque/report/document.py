@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -49,7 +50,7 @@ def result_document(result: RunResult) -> dict[str, Any]:
             "alignment": _alignment(result),
             "explained": fitted.explained,
             "bumps": [_bump(bump) for bump in fitted.bumps],
-            "evidence": {row.name: _but_name(row) for row in fitted.evidence},
+            "evidence": evidence_document(fitted.evidence),
             "alternatives": [_alternative(row) for row in fitted.alternatives],
             "accuracy": _accuracy(fitted),
             "ladder": [],
@@ -92,6 +93,11 @@ def parameters_document(parameters: tuple[ParameterEstimate, ...]) -> dict[str, 
         for key in ("stderr", "stderr_statistical"):
             found[row.name][key] = found[row.name][key] or None
     return found
+
+
+def evidence_document(evidence: Sequence[LossEvidence]) -> dict[str, Any]:
+    """Return the evidence for each loss by its name."""
+    return {row.name: _but_name(row) for row in evidence}
 
 
 def _but_name(row: LossEvidence | ParameterEstimate) -> dict[str, Any]:
