@@ -10,7 +10,7 @@ from camtorque.fit.joint import joint_fit_of, solve_joint
 from camtorque.fit.joint_fit import other_kind_at, with_likelier_pin
 from camtorque.fit.joint_input import joint_input
 from camtorque.fit.joint_solver import solve_many
-from camtorque.fit.kinds import ARM, BUSH, BUSHES, other_kind
+from camtorque.fit.kinds import ARM, BUSH_SOURCE, BUSHES, kind_rows, other_kind
 from camtorque.fit.problem import build_problem, started_at, with_rows
 from camtorque.fit.single import PIN, SOFTER
 from camtorque.fit.valleys import COMPLIANCE, STIFF
@@ -20,7 +20,7 @@ from fit_cases import quick_prepared, rig
 
 SPEEDS, IN_PLAIN = (700.0, 1200.0), "plain_bush"
 NEEDLES = ROWS[ARM]
-IN_BUSH = replace(NEEDLES, **BUSH)
+IN_BUSH = replace(NEEDLES, **kind_rows(NEEDLES)[1])
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def test_recordings_that_were_taken_for_needles_tell_a_bush_together(bushed):
     begun = build_problem([with_rows(item, needles) for item in started_at(problem, solution.z)])
     start = solve_many(begun, begun.start, 25)
     ended, found = with_likelier_pin(begun, start, in_turn)
-    assert {item.rows[ARM].source for item in ended.data} == {BUSH["source"]}
+    assert {item.rows[ARM].source for item in ended.data} == {BUSH_SOURCE}
     rub = rig(IN_PLAIN, 0, SPEEDS[0]).truth.friction
     true, place = rub.pin_mu * rub.pin_radius, ended.index(ARM)
     assert abs(found.z[place] - true) < 0.7 * abs(start.z[place] - true)

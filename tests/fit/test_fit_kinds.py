@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from camtorque.fit import kinds
 from camtorque.fit.joint_input import with_common_rows
-from camtorque.fit.kinds import ARM, BUSH, log_odds, of_most, pin_decided
+from camtorque.fit.kinds import ARM, BUSH, BUSH_SOURCE, kind_rows, log_odds, of_most, pin_decided
 from camtorque.fit.problem import with_rows
 from camtorque.fit.single import PIN, FitOptions, fit_prepared
 from camtorque.laws import ROWS
@@ -31,7 +31,7 @@ def test_a_plain_bush_is_told_by_its_friction(bushed):
     best, other = bushed
     rub = rig(*IN_BUSH).truth.friction
     true = rub.pin_mu * rub.pin_radius
-    assert best.data.rows[ARM].source == BUSH["source"]
+    assert best.data.rows[ARM].source == BUSH_SOURCE
     assert other is not None
     assert other.probability < 0.4
     # needles take less than half of the friction that a bush had, and the rest goes to other losses
@@ -44,7 +44,7 @@ def test_needles_stay_what_they_are():
     assert minima == [best]
     assert other is not None
     assert other.probability < 0.4
-    assert other.candidate.data.rows[ARM].prior == BUSH["prior"]
+    assert other.candidate.data.rows[ARM].prior == BUSH
 
 
 def test_the_other_kind_widens_what_it_moves(bushed):
@@ -85,9 +85,9 @@ def test_two_fits_alike_are_as_likely_as_benches_are():
     assert log_odds(best, best) == pytest.approx(np.log(kinds.BUSHES / (1.0 - kinds.BUSHES)))
 
 
-@pytest.mark.parametrize(("bushes", "prior"), [(0, ROWS[ARM].prior), (1, ROWS[ARM].prior), (2, BUSH["prior"])])
+@pytest.mark.parametrize(("bushes", "prior"), [(0, ROWS[ARM].prior), (1, ROWS[ARM].prior), (2, BUSH)])
 def test_a_pump_has_the_pin_that_most_of_its_recordings_have(bushes, prior):
     one = quick_data(NEEDLES)
-    items = [with_rows(one, {ARM: BUSH}) if k < bushes else one for k in range(3)]
+    items = [with_rows(one, {ARM: kind_rows(one.rows[ARM])[1]}) if k < bushes else one for k in range(3)]
     assert {item.rows[ARM].prior for item in with_common_rows(items)} == {prior}
     assert of_most([one.rows[ARM], items[0].rows[ARM]])[0].prior == ROWS[ARM].prior

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from camtorque.align.budget import wandered
 from camtorque.config import FluidSpec
+from camtorque.fit.kinds import BUSH, BUSH_SOURCE, kind_rows
 from camtorque.fit.prepare import fit_data, mean_cycles
-from camtorque.fit.rig_rows import NO_INERTIA, USUAL_CAM, USUAL_PLUNGER, rig_rows
+from camtorque.fit.rig_rows import LARGEST_USUAL_ROLLER, NO_INERTIA, USUAL_CAM, USUAL_PLUNGER, rig_rows
 from camtorque.laws import ROWS
 from camtorque.laws.fuels import MODULUS_PER_KELVIN, modulus_prior, viscosity_ratio
 from camtorque.laws.sensor import LEAST_DAMPING, sensor_transfer
@@ -144,11 +145,15 @@ def test_the_gallery_pressure_is_the_feed_pressure():
 
 def test_a_larger_pump_is_expected_larger_and_a_smaller_one_no_better_known():
     usual = rows_of()
-    large = rows_of(pump={"plunger_diameter": 2.0 * USUAL_PLUNGER[1], "base_circle_radius": 3.0 * USUAL_CAM[1]})
+    large = rows_of(pump={"plunger_diameter": 2.0 * USUAL_PLUNGER[1], "base_circle_radius": 3.0 * USUAL_CAM[1],
+                          "roller_radius": 5.0 * LARGEST_USUAL_ROLLER})  # fmt: skip
     for name, factor in {"spill_width": 2.0, "port_span": 2.0, "retraction_volume": 8.0, "plunger_viscous": 4.0,
-                         "bearing_arm": 3.0, "shaft_drag": 9.0}.items():  # fmt: skip
+                         "bearing_arm": 3.0, "pin_arm": 5.0, "shaft_drag": 9.0}.items():  # fmt: skip
         assert large[name].prior == pytest.approx([factor * value for value in usual[name].prior])
         assert large[name].upper == pytest.approx(factor * usual[name].upper)
+    (mean, std), source = BUSH, BUSH_SOURCE
+    assert kind_rows(large["pin_arm"])[1] == {"prior": pytest.approx((5.0 * mean, 5.0 * std)), "source": source}
+    assert kind_rows(large["pin_arm"])[0]["prior"] == pytest.approx(large["pin_arm"].prior)
     small = rows_of(pump={"plunger_diameter": 0.5 * USUAL_PLUNGER[0]})
     assert small["spill_width"].prior == pytest.approx(
         (0.5 * usual["spill_width"].prior[0], usual["spill_width"].prior[1])
@@ -194,7 +199,8 @@ def test_a_foot_that_slides_rubs_on_its_crown():
     foot, roller = (
         rows_of(pump={"roller_inertia": inertia, "roller_radius": 0.15})["pin_arm"] for inertia in (0.0, 1e-6)
     )
-    assert roller.prior == ROWS["pin_arm"].prior
+    scale = 0.15 / LARGEST_USUAL_ROLLER
+    assert roller.prior == pytest.approx([scale * value for value in ROWS["pin_arm"].prior])
     # of lubricated steel: a coefficient of 0.01 to 0.1 on the radius of the crown
     low, high = (coefficient * 0.15 for coefficient in (0.01, 0.1))
     assert abs(low - foot.prior[0]) < foot.prior[1]

@@ -32,11 +32,8 @@ from camtorque.records import Array, LossEvidence
 WEIGHED_WITHIN = 40.0
 """Chi-square over the inflation above the best minimum's up to which a structure is weighed by its evidence."""
 ARM = "pin_arm"
-BUSH: Mapping[str, object] = {
-    "prior": (140.0e-6, 90.0e-6),
-    "source": "plain bush: mu 0.02-0.06 in mixed friction on 3-5 mm",
-}
-"""What is known of a pin in a plain bush [m]; its law's row holds needles."""
+BUSH, BUSH_SOURCE = (140.0e-6, 90.0e-6), "plain bush: mu 0.02-0.06 in mixed friction on 3-5 mm"
+"""What is known of a pin in a plain bush, expectation and standard deviation [m]; its law's row holds needles."""
 BUSHES = 0.4
 """Share of the benches with a plain bush, as far as somebody knows."""
 
@@ -189,8 +186,8 @@ def other_kind(row: ParameterRow, mean: float, std: float) -> OtherKind | None:
     row : of the pin's arm at the minimum
     mean, std : of the arm, as if it had no bounds [m]
     """
-    needles = {"prior": ROWS[ARM].prior, "source": ROWS[ARM].source}
-    turned = {ROWS[ARM].source: BUSH, BUSH["source"]: needles}.get(row.source)
+    needles, bush = kind_rows(row)
+    turned = {ROWS[ARM].source: bush, BUSH_SOURCE: needles}.get(row.source)
     if turned is None or row.prior is None:
         return None
     information = max(1.0 / std**2 - 1.0 / row.prior[1] ** 2, 0.0)
@@ -199,7 +196,7 @@ def other_kind(row: ParameterRow, mean: float, std: float) -> OtherKind | None:
         _with_prior(information, pulled, prior, (row.lower, row.upper))
         for prior in (row.prior, cast(tuple[float, float], turned["prior"]))
     )
-    share = BUSHES if turned is BUSH else 1.0 - BUSHES
+    share = BUSHES if turned is bush else 1.0 - BUSHES
     return OtherKind(turned, log_other - log_now + math.log(share / (1.0 - share)), other - now)
 
 
@@ -218,9 +215,21 @@ def _with_prior(
 
 def of_most(rows: Sequence[ParameterRow]) -> list[ParameterRow]:
     """Return the rows of the kind of pin that most recordings have, needles where as many have either."""
-    bushes = [row for row in rows if row.source == BUSH["source"]]
+    bushes = [row for row in rows if row.source == BUSH_SOURCE]
     return bushes if 2 * len(bushes) > len(rows) else [row for row in rows if row not in bushes]
 
 
+def kind_rows(row: ParameterRow) -> tuple[Mapping[str, object], Mapping[str, object]]:
+    """Return what needles and a plain bush make of the row of the pin's arm: a larger roller runs on a larger pin."""
+    usual = ROWS[ARM]
+    assert usual.prior is not None
+    scale = row.upper / usual.upper
+    needles, bush = (
+        {"prior": (scale * mean, scale * std), "source": source}
+        for (mean, std), source in ((usual.prior, usual.source), (BUSH, BUSH_SOURCE))
+    )
+    return needles, bush
+
+
 def _in_bush(halves: Halves, item: Candidate) -> Candidate | None:
-    return halves.minimum(at_minimum, with_rows(item.data, {ARM: BUSH}))
+    return halves.minimum(at_minimum, with_rows(item.data, {ARM: kind_rows(item.data.rows[ARM])[1]}))

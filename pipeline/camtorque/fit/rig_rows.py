@@ -31,6 +31,8 @@ RIPPLE_SHARE = 0.02
 """Torque that teeth or poles of a drive repeat, over the transducer's nominal torque, where that is a large one's."""
 USUAL_PLUNGER, USUAL_CAM = (0.007, 0.011), (0.015, 0.03)
 """Diameters and base circle radii of the pumps that the literature of the rows speaks of [m]."""
+LARGEST_USUAL_ROLLER = 0.013
+"""Radius of the largest roller that runs on pins of 2-5 mm radius [m]."""
 USUAL_TWIST, COUPLING_TWIST = 5.0e-3, 15.0e-3
 """Twist of shaft and of an elastic coupling at the peak torque: 2-10 mrad of a steel shaft at 30 MPa [rad]."""
 SPEED_SWING, LIGHTEST_DRIVE = 0.05, 60.0
@@ -156,11 +158,13 @@ def _set_size(rows: dict[str, ParameterRow], pump: PumpData) -> None:
     """
     plunger = pump.plunger_diameter / float(np.clip(pump.plunger_diameter, *USUAL_PLUNGER))
     cam = pump.base_circle_radius / float(np.clip(pump.base_circle_radius, *USUAL_CAM))
+    roller = max(pump.roller_radius / LARGEST_USUAL_ROLLER, 1.0)
     for names, factor in (
         (("port_width", "port_span", "spill_width", "spill_span", "packing_force"), plunger),
         (("plunger_viscous",), plunger**2),
         (("retraction_volume", "gallery_volume"), plunger**3),
         (("bearing_arm", "bending_cosine", "bending_sine"), cam),
+        (("pin_arm",), roller),
         (("shaft_drag",), cam**2),
         (("shaft_viscous",), cam**3),
     ):
