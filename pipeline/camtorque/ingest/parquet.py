@@ -23,8 +23,7 @@ from camtorque.ingest.columns import columns_of, raw_file
 from camtorque.ingest.csv_layout import CsvLayout
 from camtorque.ingest.header import name_and_unit
 from camtorque.ingest.listing import listed
-from camtorque.ingest.raw import ArraySource, FileChannel, RawFile, optional_library, refusing
-from camtorque.ingest.zlib_check import refuse_bomb
+from camtorque.ingest.raw import ArraySource, FileChannel, RawFile, optional_library, refuse_bomb, refusing
 from camtorque.records import Refusal, SampleSource
 from camtorque.units import UNITS
 

@@ -19,8 +19,7 @@ from camtorque.hashes import input_files
 from camtorque.ingest.bridge import over_supplies, with_supplies
 from camtorque.ingest.cam_table import read_cam_table
 from camtorque.ingest.formats import FORMATS, declared_format, file_format
-from camtorque.ingest.largest import extent
-from camtorque.ingest.plausibility import check_loads, check_trigger, check_trigger_exchanged
+from camtorque.ingest.plausibility import check_loads, check_trigger, check_trigger_exchanged, extent
 from camtorque.ingest.pump_sizes import check_pump
 from camtorque.ingest.raw import RawChannel, RawFile
 from camtorque.ingest.sensors import Sensor, certificate_age, read_sensor

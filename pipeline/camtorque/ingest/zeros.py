@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camtorque.ingest.certificate import CertificateLine
+from camtorque.ingest.sensitivity import CertificateLine
 from camtorque.ingest.sheet import Sheet
 from camtorque.records import Array, Finding, Refusal, SensorCalibration
 from camtorque.units import ATMOSPHERE
