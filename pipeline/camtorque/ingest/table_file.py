@@ -157,6 +157,10 @@ def _numbers(path: Path, number: int, fields: list[str], expected: int) -> list[
         values = [float(field) for field in fields]
     except ValueError as error:
         raise Refusal(f"{path} line {number}: {' | '.join(fields)!r:.80} is not a row of numbers") from error
-    if len(values) != expected or not all(map(math.isfinite, values)):
-        raise Refusal(f"{path} line {number}: {len(values)} finite numbers expected: {expected}, one per column")
+    finite = sum(map(math.isfinite, values))
+    if not len(values) == finite == expected:
+        raise Refusal(
+            f"{path} line {number}: found {len(values)} fields, {finite} of them finite numbers, expected {expected} "
+            "of these, one per column; complete the row or take it out"
+        )
     return values
