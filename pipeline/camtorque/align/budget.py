@@ -9,7 +9,7 @@ import numpy as np
 from camtorque.align.flanks import APART_DEG
 from camtorque.align.timebase import TimeBase
 from camtorque.config import TriggerSpec
-from camtorque.records import AngleError, Array, Channel, Finding
+from camtorque.records import AngleError, Array, Channel
 from camtorque.signal.threshold import Threshold
 from camtorque.units import DEGREE
 
@@ -150,13 +150,6 @@ def ripple_text(spec: TriggerSpec, torque: Array | None, speed: float) -> str:
         f"; more than {APART_DEG['spring']:g} to {APART_DEG['all']:g} degrees would be told; the driveline of the fit "
         "rebuilds it from the torque"
     )
-
-
-def ripple_unseen(spec: TriggerSpec, n: int, torque: Array | None, speed: float, where: str) -> tuple[Finding, ...]:
-    """Return the note on what one pulse per turn of the cam leaves open; ``n`` > 1 of them leave nothing."""
-    if n > 1:
-        return ()
-    return (Finding("ripple_unseen", "info", ripple_text(spec, torque, speed), where),)
 
 
 def angle_correction(torque: Array, speed: float, trigger_angle: float, inertia: float) -> Array:

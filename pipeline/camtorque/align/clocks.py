@@ -87,15 +87,6 @@ def same_clock(logger: str, method: str) -> Clock:
     return Clock(ClockFit(logger, 0.0, 0.0, 0.0, method))
 
 
-@dataclass(frozen=True)
-class LagTrial:
-    """Periods of two pulse trains at one lag: robust mean square of their differences [s^2], how many there are."""
-
-    lag: int
-    mean_square: float
-    overlap: int
-
-
 def best_lag(reference: Array, other: Array, edge_noise: float) -> tuple[int, float, int]:
     """Return lag, evidence and next best lag: ``other[i + lag]`` is the pulse ``reference[i]``.
 
@@ -109,29 +100,29 @@ def best_lag(reference: Array, other: Array, edge_noise: float) -> tuple[int, fl
     edge_noise : standard error of the difference of two edges, one of each logger [s]
     """
     noise = 2.0 * edge_noise**2
-    trials = _lag_trials(np.diff(reference), np.diff(other), noise)
-    if not trials:
-        return 0, 0.0, 0
-    odds = _log_odds(trials, noise)
+    lags, overlap, found = _lag_trials(np.diff(reference), np.diff(other), noise)
+    if len(lags) < 2:
+        return (lags[0], 0.0, lags[0]) if lags else (0, 0.0, 0)
+    odds = _log_odds(np.array(overlap, dtype=float), np.array(found), noise)
     order = np.argsort(-odds)
-    if len(trials) == 1:
-        return trials[0].lag, 0.0, trials[0].lag
-    best, rival = trials[order[0]], trials[order[1]]
+    best, rival = (lags[i] for i in order[:2])
     evidence = float(odds[order[0]] - odds[order[1]])
     if evidence >= CLEAR_EVIDENCE:
-        return best.lag, evidence, rival.lag
+        return best, evidence, rival
     # Where the pattern does not tell, the lag that lets most pulses overlap loses the fewest cycles.
-    alike = [trials[i] for i in order if odds[order[0]] - odds[i] < CLEAR_EVIDENCE]
-    chosen = max(alike, key=lambda trial: trial.overlap)
-    return chosen.lag, evidence, (best if chosen is not best else rival).lag
+    chosen = lags[max((i for i in order if odds[order[0]] - odds[i] < CLEAR_EVIDENCE), key=overlap.__getitem__)]
+    return chosen, evidence, best if chosen != best else rival
 
 
-def _lag_trials(period: Array, other_period: Array, noise: float) -> list[LagTrial]:
-    """Return all lags at which enough periods overlap; ``noise``: variance that edges alone make [s^2]."""
+def _lag_trials(period: Array, other_period: Array, noise: float) -> tuple[list[int], list[int], list[float]]:
+    """Return all lags at which enough periods overlap, how many do, and the robust mean square of their differences.
+
+    ``noise`` is the variance that edges alone make [s^2].
+    """
     shorter = min(period.size, other_period.size)
     least = max(LEAST_PULSES - 1, int(np.ceil(LEAST_OVERLAP * shorter)))
     most = LARGEST_SKEW * float(np.nanmedian(period))
-    trials = []
+    lags, overlap, found = list[int](), list[int](), list[float]()
     for lag in range(least - period.size, other_period.size - least + 1):
         a = period[max(0, -lag) : other_period.size - lag]
         b = other_period[max(0, lag) : max(0, lag) + a.size]
@@ -139,14 +130,14 @@ def _lag_trials(period: Array, other_period: Array, noise: float) -> list[LagTri
         difference = difference[np.isfinite(difference)]
         if difference.size >= least:
             difference = difference - np.clip(np.median(difference), -most, most)
-            trials.append(LagTrial(lag, _robust_mean_square(difference, noise), difference.size))
-    return trials
+            lags.append(lag)
+            overlap.append(difference.size)
+            found.append(_robust_mean_square(difference, noise))
+    return lags, overlap, found
 
 
-def _log_odds(trials: list[LagTrial], noise: float) -> Array:
-    """Return the logarithm of the odds of each lag, (n,) [nat]; ``noise``: variance that edges alone make [s^2]."""
-    overlap = np.array([trial.overlap for trial in trials], dtype=float)
-    found = np.array([trial.mean_square for trial in trials])
+def _log_odds(overlap: Array, found: Array, noise: float) -> Array:
+    """Return the logarithm of the odds of each lag, (n,) [nat], by what `_lag_trials` returns."""
     # few periods, told to whole samples, are the same by chance; many are not, and show what edges really scatter
     floor = min(noise, float(np.min(found[overlap > 0.7 * np.max(overlap)]))) + 1e-9**2
     ratio = np.maximum(found, floor) / np.median(np.maximum(found, floor))

@@ -77,8 +77,8 @@ def _odd_periods(train: PulseTrain, n: int, edge_noise: float) -> np.ndarray:
         return jump
     quantum = (TOOTH_NOISES if n > 1 else EDGE_NOISES) * edge_noise / np.median(period)
     if n > 1:
-        tooth = train.step[1:] % n
-        period = period / _usual_by_tooth(period, tooth)
+        tooth = np.unique(train.step[1:] % n, return_inverse=True)[1]
+        period = period / np.array([np.median(period[tooth == k]) for k in range(tooth.max() + 1)])[tooth]
     before, after, here = period[:-2], period[2:], period[1:-1]
     beside = 0.5 * (before + after)
     difference = np.abs(here - beside) / beside
@@ -87,8 +87,3 @@ def _odd_periods(train: PulseTrain, n: int, edge_noise: float) -> np.ndarray:
     odd = (difference > max(LEAST_JUMP, TIMES_USUAL * usual, quantum)) & agree
     jump[2:-1] = odd & ~train.broken[2:-1] & ~train.repaired[2:-1]
     return jump
-
-
-def _usual_by_tooth(period: np.ndarray, tooth: np.ndarray) -> np.ndarray:
-    order = np.unique(tooth, return_inverse=True)[1]
-    return np.array([np.median(period[order == k]) for k in range(order.max() + 1)])[order]

@@ -7,7 +7,7 @@ the count starts anew.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -50,19 +50,6 @@ INDEX_SPREAD = Threshold(
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Counted:
-    """Pulses with their counted steps; ``marks`` are places in ``time``; ``broken`` as in `PulseTrain`."""
-
-    time: Array
-    step: Integers
-    broken: Mask
-    marks: Integers
-    n_extra: int = 0
-    n_missed: int = 0
-    n_slips: int = 0
-
-
 def forward(time: Array, where: str) -> Array:
     """Keep the pulses whose times run forward."""
     time = time[np.isfinite(time)]
@@ -87,27 +74,31 @@ def _steps(time: Array, most: int) -> tuple[Integers, Mask]:
     return np.where(still, 1, steps), still
 
 
-def missing_tooth_steps(time: Array, missing: int) -> Counted:
-    """Return the steps of a wheel whose mark is a gap, or of one without a mark (``missing`` 0)."""
+def _train_of(time: Array, steps: Integers, still: Mask, n_extra: int, n_missed: int) -> PulseTrain:
+    """Return pulses by the steps of the gaps between them, of which some are a standstill."""
+    counts = {"bounced": 0, "doubled": n_extra, "missed": n_missed, "gaps": int(still.sum()), "slips": 0}
+    none = np.zeros(time.size, dtype=bool)
+    return PulseTrain(time, np.r_[0, np.cumsum(steps)], none, np.r_[False, still], 0.0, counts)
+
+
+def missing_tooth_steps(time: Array, missing: int) -> tuple[PulseTrain, Integers]:
+    """Return the pulses of a wheel whose mark is a gap, and which are marks: none where ``missing`` is 0."""
     kept, n_extra = _without_close_teeth(time)
     steps, still = _steps(kept, missing + 1)
     is_mark = (steps == missing + 1) & ~still & (missing > 0)
     n_missed = int(np.sum(steps[~is_mark] - 1))
-    return Counted(
-        kept, np.r_[0, np.cumsum(steps)], np.r_[False, still], 1 + np.flatnonzero(is_mark), n_extra, n_missed
-    )
+    return _train_of(kept, steps, still, n_extra, n_missed), 1 + np.flatnonzero(is_mark)
 
 
-def double_tooth_steps(time: Array) -> Counted:
-    """Return the steps of a wheel whose mark is one tooth more, anywhere in a gap."""
+def double_tooth_steps(time: Array) -> tuple[PulseTrain, Integers]:
+    """Return the pulses of a wheel whose mark is one tooth more, anywhere in a gap, and which are marks."""
     ratio = np.diff(time) / pitch_of(time)
     short, long = np.minimum(ratio[:-1], ratio[1:]), np.maximum(ratio[:-1], ratio[1:])
     parted = (np.abs(short + long - 1.0) < ONE_PITCH) & (short > BOUNCE) & (long < 1.0 - BOUNCE)
     doubled = 1 + np.flatnonzero(parted)
     kept = np.delete(time, doubled)
     steps, still = _steps(kept, 1)
-    marks = doubled - np.arange(doubled.size)
-    return Counted(kept, np.r_[0, np.cumsum(steps)], np.r_[False, still], marks, 0, int(np.sum(steps - 1)))
+    return _train_of(kept, steps, still, 0, int(np.sum(steps - 1))), doubled - np.arange(doubled.size)
 
 
 def _without_close_teeth(time: Array) -> tuple[Array, int]:
@@ -125,7 +116,7 @@ def _without_close_teeth(time: Array) -> tuple[Array, int]:
     return time, n_before - time.size
 
 
-def from_marks(counted: Counted, spec: TriggerSpec, where: str) -> PulseTrain:
+def from_marks(train: PulseTrain, marks: Integers, spec: TriggerSpec, where: str) -> PulseTrain:
     """Return the train of a wheel with a mark: confirmed marks only, counted anew at each.
 
     Raises
@@ -133,16 +124,15 @@ def from_marks(counted: Counted, spec: TriggerSpec, where: str) -> PulseTrain:
     Refusal : no gap or extra tooth is there
     """
     n = spec.pulses_per_rev
-    if not counted.marks.size:
+    if not marks.size:
         raise Refusal(
-            f"{where}: no mark found among {counted.time.size} teeth, expected "
+            f"{where}: no mark found among {train.time.size} teeth, expected "
             f"{'a double tooth' if spec.double_tooth else f'{spec.missing_teeth} missing teeth'} "
             f"once in {n}; check pulses_per_rev, missing_teeth and double_tooth in [trigger], and sensor "
             '("inductive" for a coil)'
         )
-    marks = confirmed(counted.step[counted.marks], n)
-    found = resynced(replace(counted, marks=counted.marks[marks]), n, n - spec.missing_teeth)
-    return train_of(found)
+    found = resynced(train, marks[confirmed(train.step[marks], n)], n, n - spec.missing_teeth)
+    return replace(found, counts={**found.counts, "gaps": int(found.broken.sum()) - found.counts["slips"]})
 
 
 def mark_misfit(train: PulseTrain, spec: TriggerSpec) -> float:
@@ -179,8 +169,8 @@ def confirmed(step: Integers, n: int) -> Integers:
     return np.array(chosen, dtype=np.int64)
 
 
-def resynced(counted: Counted, n: int, present: int) -> Counted:
-    """Return steps that are zero (mod n) at every mark; the pulses between marks that do not agree are left out.
+def resynced(train: PulseTrain, marks: Integers, n: int, present: int) -> PulseTrain:
+    """Return pulses with steps of zero (mod n) at every mark; those between marks that do not agree are left out.
 
     Beyond the first and the last mark as many pulses are kept as the wheel has without showing another mark.
 
@@ -189,7 +179,7 @@ def resynced(counted: Counted, n: int, present: int) -> Counted:
     n : steps from mark to mark
     present : steps that the wheel can run before the next mark shows
     """
-    step, marks = counted.step, counted.marks
+    step = train.step
     between = np.diff(step[marks])
     turns = np.maximum(1, np.rint(between / n)).astype(np.int64)
     slipped = between != n * turns
@@ -198,13 +188,15 @@ def resynced(counted: Counted, n: int, present: int) -> Counted:
     last_mark = np.clip(np.searchsorted(marks, np.arange(step.size), side="right") - 1, 0, None)
     new = new + shift[last_mark]
     kept = (new > -n) & (new < new[marks[-1]] + present)
-    broken = counted.broken.copy()
+    broken = train.broken.copy()
     for k in np.flatnonzero(slipped):
         kept[marks[k] + 1 : marks[k + 1]] = False
         broken[marks[k + 1]] = True
+    counts = {**train.counts, "slips": train.counts.get("slips", 0) + int(slipped.sum())}
     return replace(
-        counted, time=counted.time[kept], step=new[kept], broken=broken_before(broken, kept), n_slips=int(slipped.sum())
-    )
+        train, time=train.time[kept], step=new[kept], repaired=train.repaired[kept],
+        broken=broken_before(broken, kept), counts=counts,
+    )  # fmt: skip
 
 
 def broken_before(broken: Mask, kept: Mask) -> Mask:
@@ -213,19 +205,6 @@ def broken_before(broken: Mask, kept: Mask) -> Mask:
     places = np.flatnonzero(kept)
     before = np.r_[places[:1], places[:-1] + 1]
     return (total[places + 1] - total[before]) > 0
-
-
-def train_of(counted: Counted) -> PulseTrain:
-    """Return counted pulses as a train."""
-    none = np.zeros(counted.time.size, dtype=bool)
-    counts = {
-        "bounced": 0,
-        "doubled": counted.n_extra,
-        "missed": counted.n_missed,
-        "gaps": int(counted.broken.sum()) - counted.n_slips,
-        "slips": counted.n_slips,
-    }
-    return PulseTrain(counted.time, counted.step, none, counted.broken, 0.0, counts)
 
 
 def number_teeth(time: Array, spec: TriggerSpec, where: str, index: Array | None) -> PulseTrain:
@@ -252,14 +231,14 @@ def _numbered(time: Array, spec: TriggerSpec, where: str, index: Array | None) -
         train = clean_pulses(time)
         return train if index is None else numbered_by_index(train, index, spec, where)
     if spec.double_tooth or spec.missing_teeth:
-        counted = double_tooth_steps(time) if spec.double_tooth else missing_tooth_steps(time, spec.missing_teeth)
-        train = from_marks(counted, spec, where)
+        found = double_tooth_steps(time) if spec.double_tooth else missing_tooth_steps(time, spec.missing_teeth)
+        train = from_marks(*found, spec, where)
         if index is None or (spec.revolutions_per_cycle == 1 and spec.reference != "index"):
             return train
         return numbered_by_index(train, index, spec, where)
     if index is None:
         raise _without_mark(spec, where)
-    return numbered_by_index(train_of(missing_tooth_steps(time, 0)), index, spec, where)
+    return numbered_by_index(missing_tooth_steps(time, 0)[0], index, spec, where)
 
 
 def number_counts(time: Array, spec: TriggerSpec, where: str, index: Array | None) -> PulseTrain:
@@ -267,10 +246,8 @@ def number_counts(time: Array, spec: TriggerSpec, where: str, index: Array | Non
     time = forward(time, where)
     if index is None:
         raise _without_mark(spec, where)
-    steps = np.rint(np.diff(time) / pitch_of(time))
-    stood = np.r_[False, steps > 1.0]
-    counted = Counted(time, np.arange(time.size), stood, np.empty(0, dtype=np.int64))
-    return numbered_by_index(train_of(counted), index, spec, where)
+    stood = np.rint(np.diff(time) / pitch_of(time)) > 1.0
+    return numbered_by_index(_train_of(time, np.ones(stood.size, dtype=np.int64), stood, 0, 0), index, spec, where)
 
 
 def _without_mark(spec: TriggerSpec, where: str) -> Refusal:
@@ -307,13 +284,8 @@ def numbered_by_index(train: PulseTrain, index: Array, spec: TriggerSpec, where:
     zeros = np.rint(place - fraction).astype(np.int64)
     marks = np.searchsorted(train.step, zeros)
     there = train.step[np.minimum(marks, train.step.size - 1)] == zeros
-    found = resynced(Counted(train.time, train.step, train.broken, np.unique(marks[there])), n, n)
-    kept = np.isin(train.time, found.time)
-    counts = {**train.counts, "slips": train.counts.get("slips", 0) + found.n_slips}
-    return PulseTrain(
-        found.time, found.step, train.repaired[kept], found.broken, train.repair_error, counts,
-        offset=fraction, offset_std=float(spread / np.sqrt(place.size)), by_index=True,
-    )  # fmt: skip
+    found = resynced(train, np.unique(marks[there]), n, n)
+    return replace(found, offset=fraction, offset_std=float(spread / np.sqrt(place.size)), by_index=True)
 
 
 def _refuse_odd_index(place: Array, n: int, where: str) -> None:

@@ -77,7 +77,8 @@ def time_base(recording: Recording, reference: str, options: AlignOptions) -> Ti
     Refusal : a trigger without pulses, or a logger with its own clock and nothing to tie it to the others
     """
     triggers = trigger_trains(recording, options)
-    main = _main_trigger(recording, triggers, reference)
+    on_base = [trigger for logger, trigger in triggers.items() if recording.config.share_clock(logger, reference)]
+    main = next(iter((*on_base, *triggers.values())))
     clocks = _clocks(recording, triggers, main)
     train, noise = _fused(triggers, main, clocks)
     findings = [
@@ -109,12 +110,6 @@ def _referred(clocks: Mapping[str, Clock], reference: str) -> dict[str, Clock]:
         if clock.fit.method in ("reference", "common time base")
     }
     return {**referred, **named, reference: same_clock(reference, "reference")}
-
-
-def _main_trigger(recording: Recording, triggers: Mapping[str, TriggerTrain], reference: str) -> TriggerTrain:
-    """Return a trigger on the reference's time base, else any."""
-    on_base = [trigger for logger, trigger in triggers.items() if recording.config.share_clock(logger, reference)]
-    return on_base[0] if on_base else next(iter(triggers.values()))
 
 
 def _clocks(recording: Recording, triggers: Mapping[str, TriggerTrain], main: TriggerTrain) -> dict[str, Clock]:
