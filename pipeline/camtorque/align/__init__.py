@@ -5,8 +5,8 @@ sources                channels that tell the angle: trigger, encoder, counter -
 pulses, teeth          edge times -> pulses, repaired and counted, anew at every mark, by mark or index
 counter                a recorded angle -> pulses
 places                 where the teeth really are, how the speed varies within the turn
-clocks, physics_clock  loggers -> one clock, from pulses or from torque and pressure
-jumps, lags            clocks that jump; cycles that come late
+clocks, physics_clock  loggers -> one clock, from pulses or from torque and pressure; clocks that jump
+lags                   cycles that come late
 timebase, phase        all of the above for a recording, turns that no pulse shows; which turn of a crank wheel is which
 angle, resample        pulses -> cam angle -> uniform grid; resample_compiled: the same over long channels
 channels               which channels are aligned; one pass over each

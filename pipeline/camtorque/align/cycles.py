@@ -15,10 +15,10 @@ import numpy as np
 from camtorque.align.angle import CamAngle, cam_angle
 from camtorque.align.budget import angle_error_budget, ripple_text, wandered
 from camtorque.align.channels import CUT_BY, AlignedChannel, Turns, align_channels, align_others, measured
+from camtorque.align.clocks import EDGE_NOISES
 from camtorque.align.drift import beyond_steps, drift_findings, level_drifts, size_findings
 from camtorque.align.flanks import check_flanks
 from camtorque.align.hum import hum_findings, idle_points
-from camtorque.align.jumps import EDGE_NOISES
 from camtorque.align.lags import settle_lags
 from camtorque.align.options import AlignOptions
 from camtorque.align.phase import settled_phase

@@ -151,9 +151,10 @@ def flank_places(torque: Array, pressure: Array, table: CamTable, pump: PumpData
     places = {
         name: shift for name, shift in _spring_places(drive, pressure, (lift, slope), pump, speed) if shift is not None
     }
-    local = _delivery_place(scores[0], _correlations(drive, _in_chamber(drive, line), slope))
-    if local is not None:
-        places[DELIVERY] = local
+    by_line, by_chamber = map(_local_best, (scores[0], _correlations(drive, _in_chamber(drive, line), slope)))
+    # where the two do not agree, what the line keeps after the delivery has moved it
+    if by_line is not None and by_chamber is not None and abs(by_line - by_chamber) <= np.deg2rad(AGREE_DEG):
+        places[DELIVERY] = by_line
     strong = np.where(drive > CLEAR_TORQUE * np.max(drive), drive, 0.0)
     return Flanks(
         places=places,
@@ -210,17 +211,6 @@ def _in_chamber(drive: Array, line: Array) -> Array:
     Behind a valve that has closed, before an orifice, a line keeps its pressure long after a spill.
     """
     return np.where(drive > CLEAR_TORQUE * np.max(drive), line, np.minimum(line, np.percentile(line, 10)))
-
-
-def _delivery_place(by_line: Array, by_chamber: Array) -> float | None:
-    """Return the best shift near none [rad] by the correlations with the line pressure as it is, and `_in_chamber`.
-
-    It is None where the two do not agree: what the line keeps after the delivery has moved it.
-    """
-    places = [_local_best(scores) for scores in (by_line, by_chamber)]
-    if places[0] is None or places[1] is None or abs(places[0] - places[1]) > np.deg2rad(AGREE_DEG):
-        return None
-    return places[0]
 
 
 def _spring_places(

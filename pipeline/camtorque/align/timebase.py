@@ -12,8 +12,7 @@ import numpy as np
 
 from camtorque.align.angle import cam_angle
 from camtorque.align.channels import positions
-from camtorque.align.clocks import Clock, against, fit_clock, same_clock
-from camtorque.align.jumps import mark_jumps
+from camtorque.align.clocks import Clock, against, fit_clock, mark_jumps, same_clock
 from camtorque.align.options import AlignOptions
 from camtorque.align.physics_clock import Pair, physics_clock
 from camtorque.align.places import Places, tooth_places
