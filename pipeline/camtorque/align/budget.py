@@ -51,9 +51,7 @@ def angle_error_budget(
 
     Parameters
     ----------
-    spec : trigger or tooth wheel
     channels : those that were aligned
-    base : pulses and clocks
     speed : mean speed of the used cycles [rad/s]
     speed_change : rms relative change of the period from one revolution to the next
     torque : (n_theta,) mean cycle, for what it does to the angle; None without a torque channel

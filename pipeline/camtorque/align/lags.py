@@ -65,7 +65,6 @@ def settle_lags(table: CycleTable, time: Array, edge_noise: float) -> Lags:
 
     Parameters
     ----------
-    table : cycles before the cuts
     time : (n_cycles,) when each begins [s]
     edge_noise : standard error of one trigger edge [s]
     """

@@ -24,7 +24,7 @@ from camtorque.ingest.raw import RawChannel, RawFile
 from camtorque.ingest.sensitivity import over_supplies, with_supplies
 from camtorque.ingest.sensors import Sensor, certificate_age, read_sensor
 from camtorque.ingest.starts import starts, time_findings
-from camtorque.ingest.table_file import read_comment
+from camtorque.ingest.table_file import commented_rows
 from camtorque.ingest.zeros import with_idle_zero
 from camtorque.records import CamTable, Channel, Finding, Recording, Refusal, SensorCalibration
 from camtorque.units import ATMOSPHERE, UNIT_OFFSETS, absolute_unit, is_known_unit, tidy_unit
@@ -37,12 +37,7 @@ DURATION_TOLERANCE = 1.0e-4
 
 
 def read_recording(path: Path) -> Recording:
-    """Read one recording.
-
-    Returns
-    -------
-    Recording
-        channels in the order of recording.toml, each in SI through its calibration; samples are read when asked for
+    """Return one recording: channels in the order of recording.toml, whose samples are read when asked for, in SI.
 
     Raises
     ------
@@ -105,7 +100,7 @@ def _other_pump(config: RecordingConfig) -> list[Finding]:
     if not mark or not series:
         return []
     lift_table = config.pump.cam_table_path
-    text = f"{lift_table.stem} {read_comment(lift_table, 'a lift table')}".replace("_", " ")
+    text = f"{lift_table.stem} {commented_rows(lift_table, 'a lift table')[0]}".replace("_", " ")
     named = re.findall(rf"(?<!\w){re.escape(series)}-\w+", text)
     if not named or config.pump_id in named:
         return []

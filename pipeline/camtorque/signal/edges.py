@@ -250,15 +250,9 @@ def _no_pulses(channel: Channel, count: int, height: float) -> Refusal:
 
 
 def without_bounces(time: Array) -> tuple[Array, int]:
-    """Keep the first edge of a burst: the contact closes first and bounces afterwards.
+    """Return edge times [s] with the first edge of a burst alone, and how many were left out.
 
-    Parameters
-    ----------
-    time : (n,) of the edges [s]
-
-    Returns
-    -------
-    kept, n_bounced : times without bounces, and how many were left out
+    The contact closes first and bounces afterwards.
     """
     if time.size < 3:
         return time, 0
