@@ -7,7 +7,7 @@ counter                a recorded angle -> pulses
 places                 where the teeth really are, how the speed varies within the turn
 clocks, physics_clock  loggers -> one clock, from pulses or from torque and pressure; clocks that jump
 lags                   cycles that come late
-timebase, phase        all of the above for a recording, turns that no pulse shows; which turn of a crank wheel is which
+timebase               all of the above for a recording; which turn of a crank wheel is which; turns that no pulse shows
 angle, resample        pulses -> cam angle -> uniform grid; resample_compiled: the same over long channels
 channels               which channels are aligned; one pass over each
 polarity, flanks       inverted, swapped; does the cam stand where torque and pressure say

@@ -153,7 +153,8 @@ def ripple_text(spec: TriggerSpec, torque: Array | None, speed: float) -> str:
 def angle_correction(torque: Array, speed: float, trigger_angle: float, inertia: float) -> Array:
     """Return what has to be added to the nominal cam angle, which supposes constant speed between two pulses.
 
-    The torque slows the drive:
+    It is for this budget, and for those who know the drive's inertia; the nominal alignment does not use it. The torque
+    slows the drive:
 
         correction(theta) = c(theta) - c(trigger angle),  c = -1 / J  integral integral (T - mean T) dt dt
 

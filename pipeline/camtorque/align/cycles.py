@@ -21,11 +21,10 @@ from camtorque.align.flanks import check_flanks
 from camtorque.align.hum import hum_findings, idle_points
 from camtorque.align.lags import settle_lags
 from camtorque.align.options import AlignOptions
-from camtorque.align.phase import settled_phase
 from camtorque.align.polarity import check_quantities
 from camtorque.align.quality import CycleTable, apply_cuts, changed_running, refuse_jitter
 from camtorque.align.summary import alignment_details
-from camtorque.align.timebase import TimeBase, silence_findings, time_base
+from camtorque.align.timebase import TimeBase, settled_phase, silence_findings, time_base
 from camtorque.records import Array, CamCycles, CutFlowRow, Estimate, Finding, Integers, Mask, Recording, Refusal
 from camtorque.signal.logger_time import end_time
 from camtorque.signal.threshold import Threshold

@@ -1,6 +1,9 @@
 """Trigger channels and clocks of a recording -> one pulse train on the clock of the torque's logger; what it lacks.
 
-The trigger may fall silent while the pump goes on, or wake up after it has begun: turns that no pulse shows.
+Where a wheel turns several times per cycle and no index tells which turn is which, torque and pressure may: the torque
+of a pump follows line pressure times lift velocity, and the pressure rises with the lift. So each possible turn is
+tried on the mean cycle; the one that fits is taken, and a finding says where none fits clearly better. The trigger may
+fall silent while the pump goes on, or wake up after it has begun: turns that no pulse shows.
 """
 
 from __future__ import annotations
@@ -11,14 +14,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from camtorque.align.angle import cam_angle
-from camtorque.align.channels import positions
+from camtorque.align.channels import Measured, Turns, align_channels, positions
 from camtorque.align.clocks import Clock, against, fit_clock, mark_jumps, same_clock
 from camtorque.align.options import AlignOptions
 from camtorque.align.physics_clock import Pair, physics_clock
 from camtorque.align.places import Places, tooth_places
+from camtorque.align.polarity import INVERTED_CORRELATION, correlation, lift_velocity
 from camtorque.align.pulses import PulseTrain, TriggerTrain, train_findings
 from camtorque.align.sources import trigger_trains
-from camtorque.records import Array, Channel, Finding, Recording, Refusal
+from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal
 from camtorque.signal.logger_time import end_time
 from camtorque.signal.threshold import Count, Threshold
 from camtorque.units import TURN
@@ -35,6 +39,8 @@ SILENT_TURNS = Count(
     2, "turns", "convention", "Turns in a row without a pulse: a shaft that runs out may make one more stroke."
 )
 LATE = Threshold(0.05, "turns", "convention", "By this much a pulse may be late: a shaft slows down a little first.")
+COARSE = 720
+CLEARER = Threshold(0.2, "1", "simulated rigs", "Correlation by which the best turn has to beat the next.")
 
 
 @dataclass(frozen=True)
@@ -238,3 +244,59 @@ def _turns(channel: Channel, clock: Clock, edge: float, turn: float) -> bool:
 
     usual = swing(-1.0)
     return usual > 0.0 and all(swing(1.0 + LATE + k) > STILL_TURNING * usual for k in range(SILENT_TURNS))
+
+
+def settled_phase(recording: Recording, base: TimeBase, channels: Measured, options: AlignOptions) -> TimeBase:
+    """Return the time base with the pulses numbered from the right turn of the wheel, and a finding."""
+    spec = recording.config.trigger
+    turns = spec.revolutions_per_cycle
+    if not base.train.phase_open:
+        return base
+    scores = np.zeros(turns)
+    if recording.lift_table is not None and "pressure" in channels.main:
+        scores = _scores(_means(recording, base, channels, options), recording.cam_table, turns)
+    order = np.argsort(scores)[::-1]
+    best = int(order[0])
+    clear = scores[best] > scores[order[1]] + CLEARER
+    found = ", ".join(f"{score:.2f}" for score in scores)
+    text = (
+        f"the wheel turns {turns} times per turn of the cam and no index channel tells which is which: "
+        + (f"torque and pressure do (correlations {found})" if clear else f"turn {best + 1} is assumed ({found})")
+        + ("" if clear else '; add a channel with quantity = "index", one pulse per turn of the cam')
+    )
+    finding = Finding("cycle_phase_by_lift" if clear else "cycle_phase_open", "info" if clear else "warning", text)
+    step = base.train.step - best * (base.pulses_per_cycle // turns)
+    return replace(base, train=replace(base.train, step=step), findings=(*base.findings, finding))
+
+
+def _means(recording: Recording, base: TimeBase, channels: Measured, options: AlignOptions) -> dict[str, Array]:
+    """Return the median cycle of torque and pressure on a coarse grid."""
+    angle = cam_angle(base.train, recording.config.trigger, base.pulses_per_cycle, base.places)
+    turns = Turns(angle, base.clocks, replace(options, n_theta=COARSE))
+    complete = turns.covered(channels.main.values())
+    if not complete.any():
+        return {}
+    aligned = align_channels(channels.main, turns, complete)
+    whole = np.all([np.isfinite(item.rows).all(axis=1) for item in aligned.values()], axis=0)
+    if not whole.any():
+        return {}
+    return {quantity: np.median(item.rows[whole], axis=0) for quantity, item in aligned.items()}
+
+
+def _scores(means: dict[str, Array], table: CamTable, turns: int) -> Array:
+    """Return how well the mean cycle follows the lift, for each turn that it may begin with, (turns,).
+
+    A torque that is against the lift where the pressure rises with it is inverted: it is turned later on.
+    """
+    if "pressure" not in means:
+        return np.zeros(turns)
+    velocity, line = lift_velocity(table, COARSE), np.maximum(means["pressure"], 0.0)
+    # the table read from another turn: what is at theta then was at theta + turn
+    read = [np.roll(velocity, turn * COARSE // turns) for turn in range(turns)]
+    rises = np.array([correlation(line, np.maximum(slope, 0.0)) for slope in read])
+    if "torque" not in means:
+        return rises
+    drives = np.array([correlation(means["torque"], line * slope) for slope in read])
+    likely = np.argsort(rises)[::-1]
+    told = rises[likely[0]] > rises[likely[1]] + CLEARER
+    return -drives if told and drives[likely[0]] < INVERTED_CORRELATION else drives

@@ -15,8 +15,16 @@ from camtorque.compiled import compiled_pays
 from camtorque.records import Array, Channel, Finding, Integers, Mask, Refusal
 from camtorque.signal import passes_compiled
 from camtorque.signal.damage import NO_VOLTAGE
-from camtorque.signal.edge_time import EdgeSamples, crossings, edge_samples, joined
-from camtorque.signal.levels import NOISE_HEIGHTS, level_windows, looked_at, noise_of
+from camtorque.signal.levels import (
+    NOISE_HEIGHTS,
+    EdgeSamples,
+    crossings,
+    edge_samples,
+    joined,
+    level_windows,
+    looked_at,
+    noise_of,
+)
 from camtorque.signal.logger_time import sample_times
 from camtorque.signal.running import percentile
 from camtorque.signal.threshold import Threshold
