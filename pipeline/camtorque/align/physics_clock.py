@@ -95,7 +95,10 @@ def _coarse_offset(pair: Pair) -> tuple[float, float]:
     (own_time, own), (known_time, known) = _decimated(pair.tied), _decimated(pair.known)
     if min(own.size, known.size) < 2:
         _refuse_few(pair, 0)
-    known = known * np.maximum(_velocity_at(pair, known_time), 0.0)
+    theta = np.interp(known_time, pair.angle.train.time, pair.angle.angle, left=np.nan, right=np.nan)
+    grid = np.arange(N_THETA) * TURN / N_THETA
+    velocity = np.nan_to_num(np.interp(theta, grid, lift_velocity(pair.table, N_THETA), period=TURN))
+    known = known * np.maximum(velocity, 0.0)
     own, known = _even(own_time, own), _even(known_time, known)
     raw = _correlation(own - own.mean(), known - known.mean())
     # Not divided by the overlap: of equal peaks, one per revolution, the longest overlap is taken first.
@@ -124,12 +127,6 @@ def _correlation(own: Array, known: Array) -> Array:
     n = own.size + known.size - 1
     length = 1 << (n - 1).bit_length()
     return np.fft.irfft(np.fft.rfft(own, length) * np.fft.rfft(known[::-1], length), length)[:n]
-
-
-def _velocity_at(pair: Pair, time: Array) -> Array:
-    grid = lift_velocity(pair.table, N_THETA)
-    theta = np.interp(time, pair.angle.train.time, pair.angle.angle, left=np.nan, right=np.nan)
-    return np.nan_to_num(np.interp(theta, np.arange(N_THETA) * TURN / N_THETA, grid, period=TURN))
 
 
 def _rows(pair: Pair, clock: Clock) -> tuple[dict[str, Array], Array, Array]:
