@@ -258,6 +258,6 @@ def test_first_interval_long_deletes_no_teeth() -> None:
     k = np.arange(600)
     teeth = k[k % 60 < 58] * 0.1 / 60.0
     late = np.r_[-3.0, -2.99, teeth]
-    counted = missing_tooth_steps(late, 2)
-    assert counted.time.size == late.size
-    assert counted.n_extra == 0
+    train, _ = missing_tooth_steps(late, 2)
+    assert train.time.size == late.size
+    assert train.counts["doubled"] == 0

@@ -85,7 +85,7 @@ def test_the_hum_of_many_cycles_is_told_in_pieces(monkeypatch):
     bins, start = chance.normal(size=(5000, hum.POINTS)), np.r_[0.0, np.cumsum(2.0 * np.pi / speed)][:-1]
     monkeypatch.setattr(hum, "PIECE", 100)
     tracemalloc.start()
-    hum._over_cycles(50.0, bins, speed, start, 0.1)
+    hum._over_cycles(50.0, bins, speed, start)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < bins.nbytes / 3.0

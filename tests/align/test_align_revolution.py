@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from align_truth import TWO_PI, Rig, make, torque_of
 from camtorque.align import align
-from camtorque.align.revolution import angle_correction
+from camtorque.align.budget import angle_correction
 from scipy.interpolate import CubicSpline
 
 

@@ -51,7 +51,7 @@ def mat_element(kind: int, data: bytes) -> bytes:
 
 
 def test_a_mat_of_zeros(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("camtorque.ingest.zlib_check.ALWAYS_UNPACKED", 2**20)  # 256 times less, 256 times faster
+    monkeypatch.setattr("camtorque.ingest.raw.ALWAYS_UNPACKED", 2**20)  # 256 times less, 256 times faster
     folder, file = folder_of(tmp_path, MAT)
     packer = zlib.compressobj(9)
     count = 1_000_000
@@ -65,7 +65,7 @@ def test_a_mat_of_zeros(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 
 
 def test_a_workbook_that_unpacks_to_too_much(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("camtorque.ingest.zlib_check.ALWAYS_UNPACKED", 2**20)
+    monkeypatch.setattr("camtorque.ingest.raw.ALWAYS_UNPACKED", 2**20)
     folder, file = folder_of(tmp_path, PLANS["xlsx"])
     with zipfile.ZipFile(file, "a", zipfile.ZIP_DEFLATED) as book:
         book.writestr("xl/media/zeros", bytes(20 * 2**20))
@@ -84,7 +84,7 @@ def test_a_workbook_that_claims_every_cell(tmp_path: Path):
 
 def test_a_parquet_that_claims_more_rows_than_a_signal_packs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     pyarrow = pytest.importorskip("pyarrow")
-    monkeypatch.setattr("camtorque.ingest.zlib_check.ALWAYS_UNPACKED", 2**20)
+    monkeypatch.setattr("camtorque.ingest.raw.ALWAYS_UNPACKED", 2**20)
     folder, file = folder_of(tmp_path, PLANS["parquet"])
     zeros = pyarrow.array(np.zeros(500_000))
     pyarrow.parquet.write_table(pyarrow.table({"Time": zeros, "Torque": zeros}), file)
@@ -209,7 +209,7 @@ def test_a_feather_that_unpacks_to_more_than_a_signal(
 ):
     pyarrow = pytest.importorskip("pyarrow")
     feather = pytest.importorskip("pyarrow.feather")
-    monkeypatch.setattr("camtorque.ingest.zlib_check.ALWAYS_UNPACKED", 2**20)
+    monkeypatch.setattr("camtorque.ingest.raw.ALWAYS_UNPACKED", 2**20)
     folder, file = folder_of(tmp_path, PLANS["parquet"])
     zeros = pyarrow.array(np.zeros(400_000))
     feather.write_feather(

@@ -12,8 +12,8 @@ import pytest
 from camtorque import cli
 from camtorque.config import ChannelSpec, SensorRef
 from camtorque.ingest import read_recording
-from camtorque.ingest.bridge import over_supplies
 from camtorque.ingest.raw import ArraySource, RawChannel
+from camtorque.ingest.sensitivity import over_supplies
 from camtorque.ingest.sensors import read_sensor
 from camtorque.records import Refusal
 

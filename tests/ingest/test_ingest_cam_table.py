@@ -211,6 +211,13 @@ def test_a_lift_of_the_other_sign_is_refused_as_that(tmp_path: Path):
         read_cam_table(pump(file))
 
 
+def test_a_row_without_a_finite_number_says_how_many_it_has(tmp_path: Path):
+    file = tmp_path / "cam.csv"
+    file.write_text("cam_angle_deg,lift_mm\n0,0\n10,nan\n20,1\n")
+    with pytest.raises(Refusal, match="line 3: found 2 fields, 1 of them finite numbers, expected 2 of these"):
+        read_cam_table(pump(file))
+
+
 def test_the_stated_resolution_may_have_a_decimal_comma(tmp_path: Path):
     file = tmp_path / "cam.csv"
     file.write_text("# resolution 0,5 um\n" + rows(ANGLES, LIFT))

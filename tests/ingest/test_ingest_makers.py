@@ -314,6 +314,14 @@ def cycles(head: list[str], body: list[str], folder: Path) -> Path:
 ANGLES = np.arange(0.0, 360.0, 0.5)
 
 
+def test_a_table_of_three_rates_without_times_is_listed(tmp_path: Path):
+    """No column is filled in half of the rows: the last one's name was taken for that of an angle beside cycles."""
+    file = tmp_path / "three.csv"
+    cells = [",".join(f"{n % 7}" if n % 3 == place else "" for place in range(3)) for n in range(300)]
+    file.write_text("\n".join(["p,q,angle", *cells]) + "\n")
+    assert [channel.name for channel in channels(file)] == ["p", "q", "angle"]
+
+
 def test_cycles_side_by_side_are_refused_with_what_to_export(tmp_path: Path):
     beside = [f"{angle:.1f};" + ";".join(f"{np.sin(angle / 57.3) + k:.4f}" for k in range(4)) for angle in ANGLES]
     indicom = cycles(["CRANK ANGLE;TQ_1;TQ_2;TQ_3;TQ_4", "deg;Nm;Nm;Nm;Nm"], beside, tmp_path)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from camtorque.config import SensorRef
 from camtorque.ingest import read_recording
-from camtorque.ingest.certificate import read_certificate
+from camtorque.ingest.sensitivity import read_certificate
 from camtorque.ingest.sensors import certificate_age, read_sensor
 from camtorque.ingest.zeros import zero_of_readings
 from camtorque.records import Refusal

@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 import pytest
 from camtorque.config import ChannelSpec
-from camtorque.ingest import hdf5, mat, numpy_file, parquet, tdms, xlsx, zlib_check
+from camtorque.ingest import hdf5, mat, numpy_file, parquet, tdms, xlsx
 from camtorque.ingest.formats import file_format
 from camtorque.ingest.parquet import refuse_lying_pages
 from camtorque.ingest.raw import RawFile
@@ -375,8 +375,8 @@ def test_pages_of_a_parquet_file_are_held_against_its_footer(tmp_path: Path, mon
         size + more for more in range(64) if bytes([0x15, *_varint(2 * (size + more))]) in file.read_bytes()
     )
     patch(file, start, unpacked, 8191)
-    monkeypatch.setattr(zlib_check, "ALWAYS_UNPACKED", 8000)
-    monkeypatch.setattr(zlib_check, "BEST_PACKING", 0.5)
+    monkeypatch.setattr("camtorque.ingest.raw.ALWAYS_UNPACKED", 8000)
+    monkeypatch.setattr("camtorque.ingest.raw.BEST_PACKING", 0.5)
     with pytest.raises(Refusal, match=r"column torque unpacks to 0 MB or more from"):
         refuse_lying_pages(file, footer)
     data = file.read_bytes()

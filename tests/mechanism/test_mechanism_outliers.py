@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from camtorque.ingest.outliers import outlying_points
+from camtorque.ingest.cam_table import outlying_points
 from camtorque.records import CamTable
 from mechanism_cases import analytic_law
 

@@ -68,14 +68,9 @@ class CamAngle:
 
 
 def cam_angle(train: PulseTrain, spec: TriggerSpec, n: int, places: Places | None = None) -> CamAngle:
-    """Return the cam angle over time.
+    """Return the cam angle over time; the nominal angle passes ``train.offset`` steps after the pulse of step zero.
 
-    Parameters
-    ----------
-    train : numbered pulses
-    spec : the nominal angle passes ``train.offset`` steps after the pulse of step zero
-    n : pulses per turn of the cam
-    places : where the teeth really are; None: where they should be
+    ``n`` are the pulses per turn of the cam; without ``places`` the teeth are where they should be.
     """
     pitch = TURN / n
     zero = spec.nominal_angle - train.offset * pitch

@@ -7,10 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from camtorque.align.flanks import APART_DEG
-from camtorque.align.revolution import angle_correction
 from camtorque.align.timebase import TimeBase
 from camtorque.config import TriggerSpec
-from camtorque.records import AngleError, Array, Channel, Finding
+from camtorque.records import AngleError, Array, Channel
 from camtorque.signal.threshold import Threshold
 from camtorque.units import DEGREE
 
@@ -52,9 +51,7 @@ def angle_error_budget(
 
     Parameters
     ----------
-    spec : trigger or tooth wheel
     channels : those that were aligned
-    base : pulses and clocks
     speed : mean speed of the used cycles [rad/s]
     speed_change : rms relative change of the period from one revolution to the next
     torque : (n_theta,) mean cycle, for what it does to the angle; None without a torque channel
@@ -138,7 +135,7 @@ def ripple_text(spec: TriggerSpec, torque: Array | None, speed: float) -> str:
     """Return how large an angle error the speed within the revolution can hide, from what is known of it.
 
     The torque slows the drive: with the drive's inertia J the angle moves by a double integral of the torque over J
-    (`revolution.angle_correction`); J is not on the sheet, so its product with the angle is given.
+    (`angle_correction`); J is not on the sheet, so its product with the angle is given.
     """
     text = (
         "one pulse per revolution does not show how the speed varies within it: 1 % of order n moves the cam angle by "
@@ -153,8 +150,31 @@ def ripple_text(spec: TriggerSpec, torque: Array | None, speed: float) -> str:
     )
 
 
-def ripple_unseen(spec: TriggerSpec, n: int, torque: Array | None, speed: float, where: str) -> tuple[Finding, ...]:
-    """Return the note on what one pulse per turn of the cam leaves open; ``n`` > 1 of them leave nothing."""
-    if n > 1:
-        return ()
-    return (Finding("ripple_unseen", "info", ripple_text(spec, torque, speed), where),)
+def angle_correction(torque: Array, speed: float, trigger_angle: float, inertia: float) -> Array:
+    """Return what has to be added to the nominal cam angle, which supposes constant speed between two pulses.
+
+    It is for this budget, and for those who know the drive's inertia; the nominal alignment does not use it. The torque
+    slows the drive:
+
+        correction(theta) = c(theta) - c(trigger angle),  c = -1 / J  integral integral (T - mean T) dt dt
+
+    with the double integral over a periodic torque taken harmonic by harmonic, T_k / (i k omega)^2.
+
+    Parameters
+    ----------
+    torque : (n_theta,) delay-corrected torque at uniform nominal angles from 0, end point excluded [N m]
+    speed : mean cam speed [rad/s]
+    trigger_angle : nominal cam angle of the pulse, where the correction is zero [rad]
+    inertia : of the drive's side, J [kg m^2]
+
+    Returns
+    -------
+    (n_theta,) [rad]
+    """
+    harmonics = np.fft.rfft(torque)
+    order = np.arange(harmonics.size)
+    inverse_square = np.zeros(harmonics.size)
+    inverse_square[1:] = 1.0 / (order[1:] * speed) ** 2
+    correction = harmonics * inverse_square / inertia
+    at_trigger = np.fft.irfft(correction * np.exp(1j * order * trigger_angle), torque.size)[0]
+    return np.fft.irfft(correction, torque.size) - at_trigger

@@ -2,15 +2,22 @@
 
 `single` and `synchronised` loggers share one time base. Of `independent` loggers each has its own offset and drift;
 which pulse belongs to which is found from the pattern of pulse periods, never from the start times of the headers.
+
+A clock may jump inside a recording, which shows in pulse periods that no shaft can run: a shaft has inertia, one
+revolution cannot differ from both its neighbours while these agree. Where it does, samples were lost or a clock was
+set: the revolution is not used, and the ones beside it are not touched by it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camtorque.records import Array, ClockFit, Finding, Mask, Refusal
+from camtorque.align.pulses import PulseTrain
+from camtorque.records import Array, ClockFit, Finding, Mask, Recording, Refusal
+from camtorque.signal.logger_time import pause_intervals
 from camtorque.signal.threshold import Count, Threshold
 
 LEAST_OVERLAP = Threshold(
@@ -33,9 +40,29 @@ APART_BEFOREHAND = Threshold(
     4.0, "nat", "convention",
     "Loggers of one test are started together: the odds beforehand of a lag that leaves nothing in common."
 )  # fmt: skip
-
 STAIRS_FROM, STAIR_FACTOR = 20, 1.5
 """Changes from which on stairs are kept apart from jumps (fewer than one in ten), and height of a jump over a stair."""
+LEAST_JUMP = Threshold(
+    0.003, "1", "recordings",
+    "Relative difference of a period from its neighbours that may be a jump: pumps without a flywheel "
+    "change by less from turn to turn."
+)  # fmt: skip
+NEIGHBOURS_AGREE = Threshold(
+    0.25, "1", "convention", "The neighbours differ from each other by less than this part of the jump."
+)
+TIMES_USUAL = Threshold(
+    8.0, "1", "statistics", "And the difference is this many times the usual one from revolution to revolution."
+)
+EDGE_NOISES = Threshold(
+    7.0, "1", "statistics",
+    "Difference of neighbouring periods, in standard errors of an edge, that the edges alone can make: "
+    "edges known to one sample, q / sqrt(12), move it by up to 2 q."
+)  # fmt: skip
+TOOTH_NOISES = Threshold(
+    10.5, "1", "statistics",
+    "The same on a wheel, where each period is held against the usual one of its tooth: that is known to half a "
+    "sample, so edges known to one sample move the difference by up to 3 q."
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -87,15 +114,6 @@ def same_clock(logger: str, method: str) -> Clock:
     return Clock(ClockFit(logger, 0.0, 0.0, 0.0, method))
 
 
-@dataclass(frozen=True)
-class LagTrial:
-    """Periods of two pulse trains at one lag: robust mean square of their differences [s^2], how many there are."""
-
-    lag: int
-    mean_square: float
-    overlap: int
-
-
 def best_lag(reference: Array, other: Array, edge_noise: float) -> tuple[int, float, int]:
     """Return lag, evidence and next best lag: ``other[i + lag]`` is the pulse ``reference[i]``.
 
@@ -109,29 +127,29 @@ def best_lag(reference: Array, other: Array, edge_noise: float) -> tuple[int, fl
     edge_noise : standard error of the difference of two edges, one of each logger [s]
     """
     noise = 2.0 * edge_noise**2
-    trials = _lag_trials(np.diff(reference), np.diff(other), noise)
-    if not trials:
-        return 0, 0.0, 0
-    odds = _log_odds(trials, noise)
+    lags, overlap, found = _lag_trials(np.diff(reference), np.diff(other), noise)
+    if len(lags) < 2:
+        return (lags[0], 0.0, lags[0]) if lags else (0, 0.0, 0)
+    odds = _log_odds(np.array(overlap, dtype=float), np.array(found), noise)
     order = np.argsort(-odds)
-    if len(trials) == 1:
-        return trials[0].lag, 0.0, trials[0].lag
-    best, rival = trials[order[0]], trials[order[1]]
+    best, rival = (lags[i] for i in order[:2])
     evidence = float(odds[order[0]] - odds[order[1]])
     if evidence >= CLEAR_EVIDENCE:
-        return best.lag, evidence, rival.lag
+        return best, evidence, rival
     # Where the pattern does not tell, the lag that lets most pulses overlap loses the fewest cycles.
-    alike = [trials[i] for i in order if odds[order[0]] - odds[i] < CLEAR_EVIDENCE]
-    chosen = max(alike, key=lambda trial: trial.overlap)
-    return chosen.lag, evidence, (best if chosen is not best else rival).lag
+    chosen = lags[max((i for i in order if odds[order[0]] - odds[i] < CLEAR_EVIDENCE), key=overlap.__getitem__)]
+    return chosen, evidence, best if chosen != best else rival
 
 
-def _lag_trials(period: Array, other_period: Array, noise: float) -> list[LagTrial]:
-    """Return all lags at which enough periods overlap; ``noise``: variance that edges alone make [s^2]."""
+def _lag_trials(period: Array, other_period: Array, noise: float) -> tuple[list[int], list[int], list[float]]:
+    """Return all lags at which enough periods overlap, how many do, and the robust mean square of their differences.
+
+    ``noise`` is the variance that edges alone make [s^2].
+    """
     shorter = min(period.size, other_period.size)
     least = max(LEAST_PULSES - 1, int(np.ceil(LEAST_OVERLAP * shorter)))
     most = LARGEST_SKEW * float(np.nanmedian(period))
-    trials = []
+    lags, overlap, found = list[int](), list[int](), list[float]()
     for lag in range(least - period.size, other_period.size - least + 1):
         a = period[max(0, -lag) : other_period.size - lag]
         b = other_period[max(0, lag) : max(0, lag) + a.size]
@@ -139,14 +157,14 @@ def _lag_trials(period: Array, other_period: Array, noise: float) -> list[LagTri
         difference = difference[np.isfinite(difference)]
         if difference.size >= least:
             difference = difference - np.clip(np.median(difference), -most, most)
-            trials.append(LagTrial(lag, _robust_mean_square(difference, noise), difference.size))
-    return trials
+            lags.append(lag)
+            overlap.append(difference.size)
+            found.append(_robust_mean_square(difference, noise))
+    return lags, overlap, found
 
 
-def _log_odds(trials: list[LagTrial], noise: float) -> Array:
-    """Return the logarithm of the odds of each lag, (n,) [nat]; ``noise``: variance that edges alone make [s^2]."""
-    overlap = np.array([trial.overlap for trial in trials], dtype=float)
-    found = np.array([trial.mean_square for trial in trials])
+def _log_odds(overlap: Array, found: Array, noise: float) -> Array:
+    """Return the logarithm of the odds of each lag, (n,) [nat], by what `_lag_trials` returns."""
     # few periods, told to whole samples, are the same by chance; many are not, and show what edges really scatter
     floor = min(noise, float(np.min(found[overlap > 0.7 * np.max(overlap)]))) + 1e-9**2
     ratio = np.maximum(found, floor) / np.median(np.maximum(found, floor))
@@ -267,3 +285,52 @@ def robust_line(x: Array, y: Array) -> Line:
     grow = 1.0 / np.sqrt(0.95)
     stderr_middle, stderr_slope = grow * std / np.sqrt(n), grow * std / np.sqrt(spread)
     return Line(centre - float(slope) * middle, float(slope), stderr_middle, stderr_slope, std)
+
+
+def mark_jumps(
+    train: PulseTrain, clocks: Mapping[str, Clock], recording: Recording, edge_noise: float, n: int
+) -> tuple[PulseTrain, tuple[Finding, ...]]:
+    """Mark the pulses whose interval holds a jump, of the main trigger, between two clocks or of a file's time.
+
+    ``edge_noise`` [s] is that of one pulse, ``n`` the pulses per turn of the cam.
+    """
+    jump = _odd_periods(train, n, edge_noise)
+    odd = int(jump.sum())
+    findings = []
+    if odd:
+        places = ", ".join(f"{t:.4g} s" for t in train.time[jump][:5])
+        text = (
+            f"{odd} pulse period{'s differ' if odd > 1 else ' differs'} from both neighbours as no shaft can run: "
+            "samples or pulses were lost or the clock set, the cycles there are cut out"
+        )
+        findings.append(Finding("clock_jump", "warning", text, f"near {places}"))
+    for clock in clocks.values():
+        for moment in clock.breaks:
+            jump[np.clip(np.searchsorted(train.time, moment), 1, jump.size - 1)] = True
+    for channel in recording.channels:
+        if channel.logger not in clocks:
+            continue
+        for begin, end in clocks[channel.logger].to_reference(pause_intervals(channel)):
+            first, last = np.searchsorted(train.time, (begin, end))
+            jump[max(1, first) : last + 1] = True
+    return replace(train, jumped=jump), tuple(findings)
+
+
+def _odd_periods(train: PulseTrain, n: int, edge_noise: float) -> np.ndarray:
+    """Flag the pulse at the end of each odd interval; on a wheel, pitch errors repeat and are taken off first."""
+    jump = np.zeros(train.time.size, dtype=bool)
+    period = np.diff(train.time) / np.maximum(np.diff(train.step), 1)
+    if period.size < 5:
+        return jump
+    quantum = (TOOTH_NOISES if n > 1 else EDGE_NOISES) * edge_noise / np.median(period)
+    if n > 1:
+        tooth = np.unique(train.step[1:] % n, return_inverse=True)[1]
+        period = period / np.array([np.median(period[tooth == k]) for k in range(tooth.max() + 1)])[tooth]
+    before, after, here = period[:-2], period[2:], period[1:-1]
+    beside = 0.5 * (before + after)
+    difference = np.abs(here - beside) / beside
+    usual = 1.4826 * np.median(difference)
+    agree = np.abs(before - after) / beside < NEIGHBOURS_AGREE * difference
+    odd = (difference > max(LEAST_JUMP, TIMES_USUAL * usual, quantum)) & agree
+    jump[2:-1] = odd & ~train.broken[2:-1] & ~train.repaired[2:-1]
+    return jump

@@ -48,12 +48,7 @@ BACKWARDS = Threshold(
 
 
 def counter_train(channel: Channel, revolutions_per_cycle: int) -> TriggerTrain:
-    """Return pulses at whole steps of a recorded angle; step zero is where it is zero.
-
-    Parameters
-    ----------
-    channel : angle [rad]
-    revolutions_per_cycle : turns of the counter's shaft per turn of the cam
+    """Return pulses at whole steps of a recorded angle [rad]; step zero is where it is zero.
 
     Raises
     ------

@@ -13,20 +13,18 @@ from dataclasses import replace
 import numpy as np
 
 from camtorque.align.angle import CamAngle, cam_angle
-from camtorque.align.budget import angle_error_budget, ripple_unseen, wandered
+from camtorque.align.budget import angle_error_budget, ripple_text, wandered
 from camtorque.align.channels import CUT_BY, AlignedChannel, Turns, align_channels, align_others, measured
+from camtorque.align.clocks import EDGE_NOISES
 from camtorque.align.drift import beyond_steps, drift_findings, level_drifts, size_findings
 from camtorque.align.flanks import check_flanks
 from camtorque.align.hum import hum_findings, idle_points
-from camtorque.align.jumps import EDGE_NOISES
 from camtorque.align.lags import settle_lags
 from camtorque.align.options import AlignOptions
-from camtorque.align.phase import settled_phase
 from camtorque.align.polarity import check_quantities
 from camtorque.align.quality import CycleTable, apply_cuts, changed_running, refuse_jitter
-from camtorque.align.silence import silence_findings
 from camtorque.align.summary import alignment_details
-from camtorque.align.timebase import TimeBase, time_base
+from camtorque.align.timebase import TimeBase, settled_phase, silence_findings, time_base
 from camtorque.records import Array, CamCycles, CutFlowRow, Estimate, Finding, Integers, Mask, Recording, Refusal
 from camtorque.signal.logger_time import end_time
 from camtorque.signal.threshold import Threshold
@@ -56,8 +54,8 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     aligned = align_channels(channels.main, turns, complete)
     table = _table(turns, complete, aligned, base)
     rows = {quantity: item.rows for quantity, item in aligned.items()}
-    checked = check_quantities(rows, table.undamaged, recording, base.train.time)
-    findings = (*checked.findings, *check_flanks(checked.typical, recording, float(np.median(table.speed))))
+    typical, checked = check_quantities(rows, table.undamaged, recording, base.train.time)
+    findings = (*checked, *check_flanks(typical, recording, float(np.median(table.speed))))
     begins = turns.times[0]
     lags = settle_lags(table, begins, base.edge_noise)
     table = replace(table, slipped=lags.slipped)
@@ -185,7 +183,8 @@ def _cam_cycles(
     mean_torque, mean_speed = None if torque is None else mean_of(torque), float(np.mean(speed))
     delay = aligned["torque"].channel.calibration if torque is not None else None
     theta = angle_grid(n_theta)
-    unseen = ripple_unseen(spec, base.pulses_per_cycle, mean_torque, mean_speed, recording.config.id)
+    ripple = Finding("ripple_unseen", "info", ripple_text(spec, mean_torque, mean_speed), recording.config.id)
+    unseen = (ripple,) if base.pulses_per_cycle == 1 else ()
     speed_change = float(np.sqrt(np.mean(table.speed_change[chosen] ** 2)))
     channels = {quantity: item.channel for quantity, item in aligned.items()}
     return CamCycles(

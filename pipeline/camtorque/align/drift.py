@@ -9,26 +9,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from camtorque.config.quantities import CHANNEL_QUANTITIES
 from camtorque.records import Array, Channel, Finding
 from camtorque.signal.damage import converter_step
 from camtorque.signal.threshold import Count, Threshold
 from camtorque.stacks import products_of
-from camtorque.units import BAR, short
+from camtorque.units import short
 
 FEWEST = Count(6, "cycles", "convention", "Cycles below which a drift cannot be told from their scatter.")
 SIGNIFICANT = Threshold(3.0, "1", "statistics", "Standard errors that a drift has to exceed before it is reported.")
 
-TORQUE_SHARE = Threshold(
-    0.005, "1", "simulated rigs", "Share of the peak torque by which its level may drift: sound runs reach 0.004."
-)
-PRESSURE_SHARE = Threshold(
-    0.02, "1", "convention", "Share of the peak pressure by which the rest pressure of the line may drift."
-)
+LEVEL_SHARE = {
+    "torque": Threshold(
+        0.005, "1", "simulated rigs", "Share of the peak torque by which its level may drift: sound runs reach 0.004."
+    ),
+    "pressure": Threshold(
+        0.02, "1", "convention", "Share of the peak pressure by which the rest pressure of the line may drift."
+    ),
+}
 SIZE_SHARE = Threshold(
     0.01, "1", "simulated rigs",
     "Share by which the cycles of the torque may grow beside what their line pressure does: sound runs reach 0.004."
@@ -37,29 +39,13 @@ STEP_SAMPLES = 1 << 18
 """Samples from which the step of a converter is taken."""
 
 
-@dataclass(frozen=True)
-class Drifting:
-    """How a drifting level is told: unit, its size in SI, share of the peak that matters, and what follows."""
-
-    unit: str
-    size: float
-    share: Threshold
-    advice: str
-
-
-DRIFTING: Mapping[str, Drifting] = {
-    "torque": Drifting(
-        "N m", 1.0,
-        TORQUE_SHARE,
-        "the transducer's zero drifts or the pump still warms up; drag and work of the mean cycle hold half of that; "
-        "warm up before recording, and note the zero at standstill before and after",
-    ),
-    "pressure": Drifting(
-        "bar", BAR,
-        PRESSURE_SHARE,
-        "the load was not settled or the sensor drifts; the mean cycle is used for all; record once it is steady",
-    ),
-}  # fmt: skip
+ADVICE = {
+    "torque": "the transducer's zero drifts or the pump still warms up; drag and work of the mean cycle hold half of "
+    "that; warm up before recording, and note the zero at standstill before and after",
+    "pressure": "the load was not settled or the sensor drifts; the mean cycle is used for all; record once it is "
+    "steady",
+}
+"""Quantity whose level drifts -> why it may and what to do."""
 
 
 def level_drifts(idle: Any, rows: Mapping[str, tuple[Array, Array]], index: Any) -> dict[str, float]:
@@ -78,7 +64,7 @@ def level_drifts(idle: Any, rows: Mapping[str, tuple[Array, Array]], index: Any)
         share = np.zeros(values.shape[1])
         share[idle] = 1.0 / idle.size
         drift, stderr = _line(products_of(values, share), index)
-        if abs(drift) >= max(SIGNIFICANT * stderr, DRIFTING[quantity].share * float(np.max(mean))):
+        if abs(drift) >= max(SIGNIFICANT * stderr, LEVEL_SHARE[quantity] * float(np.max(mean))):
             found[quantity] = drift
     return found
 
@@ -102,12 +88,13 @@ def drift_findings(drifts: Mapping[str, float], peaks: Mapping[str, float]) -> t
     return tuple(
         Finding(
             f"{quantity}_drifts", "warning",
-            f"the {quantity} on the base circle drifts by {'+' * (drift > 0.0)}{short(drift / kind.size)} {kind.unit} "
-            f"({short(100.0 * abs(drift) / peaks[quantity], 2)} % of the peak) during the recording: {kind.advice}",
+            f"the {quantity} on the base circle drifts by {'+' * (drift > 0.0)}{short(drift * kind.shown_factor)} "
+            f"{kind.shown_unit} ({short(100.0 * abs(drift) / peaks[quantity], 2)} % of the peak) during the recording: "
+            f"{ADVICE[quantity]}",
             quantity,
         )
         for quantity, drift in drifts.items()
-        for kind in (DRIFTING[quantity],)
+        for kind in (CHANNEL_QUANTITIES[quantity],)
     )  # fmt: skip
 
 

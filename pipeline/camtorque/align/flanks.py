@@ -151,10 +151,14 @@ def flank_places(torque: Array, pressure: Array, table: CamTable, pump: PumpData
     places = {
         name: shift for name, shift in _spring_places(drive, pressure, (lift, slope), pump, speed) if shift is not None
     }
-    local = _delivery_place(scores[0], _correlations(drive, _in_chamber(drive, line), slope))
-    if local is not None:
-        places[DELIVERY] = local
-    strong = np.where(drive > CLEAR_TORQUE * np.max(drive), drive, 0.0)
+    # behind a valve that has closed, before an orifice, a line keeps its pressure long after a spill: a chamber that
+    # presses takes torque
+    driven = drive > CLEAR_TORQUE * np.max(drive)
+    chamber = np.where(driven, line, np.minimum(line, np.percentile(line, 10)))
+    by_line, by_chamber = map(_local_best, (scores[0], _correlations(drive, chamber, slope)))
+    if by_line is not None and by_chamber is not None and abs(by_line - by_chamber) <= np.deg2rad(AGREE_DEG):
+        places[DELIVERY] = by_line
+    strong = np.where(driven, drive, 0.0)
     return Flanks(
         places=places,
         rising_share=float(strong[slope > 0.0].sum() / max(strong.sum(), 1e-300)),
@@ -202,25 +206,6 @@ def _local_best(scores: Array) -> float | None:
     place = int(np.argmax(near))
     clear = 0 < place < 2 * reach and near[place] >= max(float(CLEAR_DELIVERY), scores[0] + FLAT)
     return _signed(place - reach, scores.size) if clear else None
-
-
-def _in_chamber(drive: Array, line: Array) -> Array:
-    """Return the line pressure where the chamber may have it, its rest elsewhere: a chamber that presses takes torque.
-
-    Behind a valve that has closed, before an orifice, a line keeps its pressure long after a spill.
-    """
-    return np.where(drive > CLEAR_TORQUE * np.max(drive), line, np.minimum(line, np.percentile(line, 10)))
-
-
-def _delivery_place(by_line: Array, by_chamber: Array) -> float | None:
-    """Return the best shift near none [rad] by the correlations with the line pressure as it is, and `_in_chamber`.
-
-    It is None where the two do not agree: what the line keeps after the delivery has moved it.
-    """
-    places = [_local_best(scores) for scores in (by_line, by_chamber)]
-    if places[0] is None or places[1] is None or abs(places[0] - places[1]) > np.deg2rad(AGREE_DEG):
-        return None
-    return places[0]
 
 
 def _spring_places(

@@ -8,7 +8,6 @@ where nothing else happens, as a sine of just that frequency.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -47,16 +46,6 @@ STANDS_OUT = Threshold(
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Hum:
-    """Amplitude [N m] at a mains frequency [Hz], standard error, coherence of its phase with the cam (0 to 1)."""
-
-    frequency: float
-    amplitude: float
-    stderr: float
-    coherence: float
-
-
 LARGE_SHARE = Threshold(
     5.0e-3, "1", "convention",
     "Share of the peak torque from which on hum that stays in the mean cycle spoils what is fitted."
@@ -82,23 +71,23 @@ def hum_findings(
     for frequency in MAINS_HZ:
         coherence = float(np.abs(np.mean(np.exp(2j * np.pi * frequency * start))))
         if coherence > LOCKED:
-            hum = _on_base_circle(frequency, theta, mean, float(np.mean(speed)), idle_points(theta, lift), coherence)
+            size, stderr = _on_base_circle(frequency, theta, mean, float(np.mean(speed)), idle_points(theta, lift))
         else:
-            hum = _over_cycles(frequency, bins, speed, start, coherence)
-        found += [] if hum is None else [hum]
-    real = [h for h in found if h.amplitude > max(SIGNIFICANT * h.stderr, SMALLEST_SHARE * peak)]
-    if not real:
+            size, stderr = _over_cycles(frequency, bins, speed, start)
+        if size > max(SIGNIFICANT * stderr, SMALLEST_SHARE * peak):
+            found.append((size / stderr, frequency, size, stderr, coherence))
+    if not found:
         return ()
-    hum = max(real, key=lambda h: h.amplitude / h.stderr)
-    stays = hum.coherence > LOCKED
+    _, frequency, size, stderr, coherence = max(found, key=lambda row: row[0])
+    stays = coherence > LOCKED
     fate = (
         "the speed is synchronous with the mains, so that it stays in the mean cycle; earth and shield the cable, or "
         "record at a speed that is no submultiple of the mains frequency"
         if stays
-        else f"its phase drifts over the cycles, so {100.0 * hum.coherence:.0f} % of it stay in the mean cycle"
+        else f"its phase drifts over the cycles, so {100.0 * coherence:.0f} % of it stay in the mean cycle"
     )
-    text = f"{hum.frequency:.0f} Hz hum of {hum.amplitude:.3f} +- {hum.stderr:.3f} N m on the torque: {fate}"
-    spoils = stays and hum.amplitude > LARGE_SHARE * peak
+    text = f"{frequency:.0f} Hz hum of {size:.3f} +- {stderr:.3f} N m on the torque: {fate}"
+    spoils = stays and size > LARGE_SHARE * peak
     return (Finding("mains_hum", "warning" if spoils else "info", text, "torque"),)
 
 
@@ -109,8 +98,11 @@ def _starts(speed: Array, index: Any) -> Array:
     return np.r_[0.0, np.cumsum(periods)][index - index[0]]
 
 
-def _over_cycles(frequency: float, bins: Array, speed: Array, start: Array, coherence: float) -> Hum | None:
-    """Return the hum from the deviations of the cycles from their mean; waves of an hour do not stand in memory."""
+def _over_cycles(frequency: float, bins: Array, speed: Array, start: Array) -> tuple[float, float]:
+    """Return amplitude and standard error [N m] from the deviations of the cycles from their mean, 0 where none tells.
+
+    Waves of an hour do not stand in memory.
+    """
     n = bins.shape[0]
     parts = [slice(first, first + PIECE) for first in range(0, n, PIECE)]
     # the last waves are kept: where there is one part, they are made once
@@ -129,12 +121,12 @@ def _over_cycles(frequency: float, bins: Array, speed: Array, start: Array, cohe
             squares[k, :, part] = [np.sum(wave * other, axis=1) for other in waves]
     gram = np.sum(squares, axis=2)
     if np.linalg.cond(gram) > 1e6:
-        return None
+        return 0.0, 0.0
     amplitude = np.linalg.solve(gram, np.sum(pairs, axis=1))
     rest = pairs - np.einsum("b,abn->an", amplitude, squares)
     spread = np.sqrt(np.sum(rest**2, axis=1).mean())
     stderr = float(spread / np.sqrt(np.linalg.det(gram)))
-    return Hum(frequency, float(np.hypot(*amplitude)), stderr, coherence)
+    return float(np.hypot(*amplitude)), stderr
 
 
 def _turning(frequency: float, speed: Array, start: Array) -> Any:
@@ -145,19 +137,17 @@ def _turning(frequency: float, speed: Array, start: Array) -> Any:
     return np.multiply.accumulate(step, axis=1)
 
 
-def _on_base_circle(
-    frequency: float, theta: Array, mean: Array, speed: float, idle: Any, coherence: float
-) -> Hum | None:
-    """Return the hum from the mean cycle where the lift is nil."""
+def _on_base_circle(frequency: float, theta: Array, mean: Array, speed: float, idle: Any) -> tuple[float, float]:
+    """Return the same from the mean cycle where the lift is nil."""
     time = theta[idle] / speed
     if time.size < POINTS // 10 or np.ptp(time) * frequency < FEWEST_PERIODS:
-        return None
+        return 0.0, 0.0
     amplitude, rest = _sine(time, mean[idle], frequency)
     if rest > STANDS_OUT * min(_sine(time, mean[idle], other)[1] for other in OTHERS_HZ):
-        return None
+        return 0.0, 0.0
     # neighbouring points share the low-pass: a tenth of them is independent
     stderr = rest * np.sqrt(2.0 / (0.1 * time.size))
-    return Hum(frequency, amplitude, float(stderr), coherence)
+    return amplitude, float(stderr)
 
 
 def idle_points(theta: Array, lift: Array) -> Any:

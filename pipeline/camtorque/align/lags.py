@@ -65,7 +65,6 @@ def settle_lags(table: CycleTable, time: Array, edge_noise: float) -> Lags:
 
     Parameters
     ----------
-    table : cycles before the cuts
     time : (n_cycles,) when each begins [s]
     edge_noise : standard error of one trigger edge [s]
     """
@@ -88,7 +87,8 @@ def settle_lags(table: CycleTable, time: Array, edge_noise: float) -> Lags:
         if drift:
             span = float(time[sound[-1]] - time[0])
             wander[quantity], turned = drift * span / 2.0, span * float(np.median(table.speed[sound]))
-            _shift(rows, -drift * (time - time[0]))
+            for piece in pieces(rows):
+                rows[piece] = _turned(rows[piece], -drift * (time[piece] - time[0]))
     if wander:
         findings += _wandering(wander, turned)
     return Lags(slipped, wander, tuple(findings))
@@ -182,11 +182,6 @@ def _turned(row: Array, angle: Array | float) -> Array:
     spectrum = np.fft.rfft(row)
     delayed = np.exp(-1j * np.arange(spectrum.shape[-1]) * np.asarray(angle)[..., None])
     return np.asarray(np.fft.irfft(spectrum * delayed, row.shape[-1]))
-
-
-def _shift(rows: Array, angle: Array) -> None:
-    for piece in pieces(rows):
-        rows[piece] = _turned(rows[piece], angle[piece])
 
 
 def _lost(quantity: str, moved: float, moment: float, table: CycleTable, first: int) -> Finding:

@@ -95,7 +95,10 @@ def _coarse_offset(pair: Pair) -> tuple[float, float]:
     (own_time, own), (known_time, known) = _decimated(pair.tied), _decimated(pair.known)
     if min(own.size, known.size) < 2:
         _refuse_few(pair, 0)
-    known = known * np.maximum(_velocity_at(pair, known_time), 0.0)
+    theta = np.interp(known_time, pair.angle.train.time, pair.angle.angle, left=np.nan, right=np.nan)
+    grid = np.arange(N_THETA) * TURN / N_THETA
+    velocity = np.nan_to_num(np.interp(theta, grid, lift_velocity(pair.table, N_THETA), period=TURN))
+    known = known * np.maximum(velocity, 0.0)
     own, known = _even(own_time, own), _even(known_time, known)
     raw = _correlation(own - own.mean(), known - known.mean())
     # Not divided by the overlap: of equal peaks, one per revolution, the longest overlap is taken first.
@@ -126,12 +129,6 @@ def _correlation(own: Array, known: Array) -> Array:
     return np.fft.irfft(np.fft.rfft(own, length) * np.fft.rfft(known[::-1], length), length)[:n]
 
 
-def _velocity_at(pair: Pair, time: Array) -> Array:
-    grid = lift_velocity(pair.table, N_THETA)
-    theta = np.interp(time, pair.angle.train.time, pair.angle.angle, left=np.nan, right=np.nan)
-    return np.nan_to_num(np.interp(theta, np.arange(N_THETA) * TURN / N_THETA, grid, period=TURN))
-
-
 def _rows(pair: Pair, clock: Clock) -> tuple[dict[str, Array], Array, Array]:
     """Return both channels on a coarse angle grid with a trial clock, the middles and periods of the cycles."""
     clocks = {pair.known.logger: Clock(ClockFit(pair.known.logger, 0.0, 0.0, 0.0)), pair.tied.logger: clock}
@@ -152,26 +149,24 @@ def _refuse_few(pair: Pair, count: int) -> None:
 
 
 def _best_shifts(rows: Mapping[str, Array], pair: Pair, sign: float) -> Array:
-    """Return the grid steps by which the own channel lies late in each cycle, nan where they are not found."""
-    velocity, pressure = lift_velocity(pair.table, N_THETA), np.maximum(rows["pressure"], 0.0)
-    cycles = zip(sign * rows["torque"], pressure, strict=True)
-    return np.array([_best_shift(torque, line, velocity, pair.own == "pressure") for torque, line in cycles])
+    """Return the grid steps by which the own channel lies late in each cycle, nan where they are not found.
 
-
-def _best_shift(torque: Array, pressure: Array, velocity: Array, shift_pressure: bool) -> float:
-    """Return the same for one cycle, from the best correlation over the rising lift."""
-    rise = velocity > RISING * velocity.max()
-    shifts = np.arange(-WIDEST_SHIFT, WIDEST_SHIFT + 1)
-    score = np.empty(shifts.size)
-    for i, shift in enumerate(shifts):
-        a = torque if shift_pressure else np.roll(torque, -shift)
-        b = (np.roll(pressure, -shift) if shift_pressure else pressure) * velocity
-        score[i] = np.corrcoef(a[rise], b[rise])[0, 1]
-    best = int(np.argmax(score))
-    if not 0 < best < shifts.size - 1:
-        return np.nan
-    left, middle, right = score[best - 1 : best + 2]
-    return float(shifts[best] + 0.5 * (left - right) / (left - 2.0 * middle + right))
+    Each is that of the best correlation over the rising lift.
+    """
+    velocity = lift_velocity(pair.table, N_THETA)
+    torques, lines = sign * rows["torque"], np.maximum(rows["pressure"], 0.0)
+    rise, shifts = velocity > RISING * velocity.max(), np.arange(-WIDEST_SHIFT, WIDEST_SHIFT + 1)
+    found, score = np.full(len(torques), np.nan), np.empty(shifts.size)
+    for cycle, (torque, line) in enumerate(zip(torques, lines, strict=True)):
+        for i, shift in enumerate(shifts):
+            a = torque if pair.own == "pressure" else np.roll(torque, -shift)
+            b = (np.roll(line, -shift) if pair.own == "pressure" else line) * velocity
+            score[i] = np.corrcoef(a[rise], b[rise])[0, 1]
+        best = int(np.argmax(score))
+        if 0 < best < shifts.size - 1:
+            left, middle, right = score[best - 1 : best + 2]
+            found[cycle] = shifts[best] + 0.5 * (left - right) / (left - 2.0 * middle + right)
+    return found
 
 
 def _whole_turns(rows: Mapping[str, Array], own: str) -> tuple[int, float]:

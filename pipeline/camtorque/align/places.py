@@ -114,11 +114,7 @@ class Places:
 def tooth_places(train: PulseTrain, spec: TriggerSpec, n: int) -> Places | None:
     """Return the places of the teeth and the deviation of the angle; None where too few turns or pulses show them.
 
-    Parameters
-    ----------
-    train : numbered pulses
-    spec : the wheel
-    n : pulses per turn of the cam
+    ``n`` are the pulses per turn of the cam.
     """
     found = _pattern(train, n) if n >= LEAST_PULSES else None
     if found is None:

@@ -8,7 +8,6 @@ pressure stays above zero and keeps a residual there.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -65,16 +64,12 @@ COMPARED = 200
 """Cycles that are compared with their neighbours, at most."""
 
 
-@dataclass(frozen=True)
-class Checked:
-    """Quantity -> typical cycle on the coarse grid, torque positive when driving (empty without sound cycles)."""
+def check_quantities(
+    rows: Mapping[str, Array], sound: Mask, recording: Recording, pulses: Array
+) -> tuple[dict[str, Array], tuple[Finding, ...]]:
+    """Turn an inverted torque in place and return the typical cycles on the coarse grid and the findings.
 
-    typical: Mapping[str, Array]
-    findings: tuple[Finding, ...] = ()
-
-
-def check_quantities(rows: Mapping[str, Array], sound: Mask, recording: Recording, pulses: Array) -> Checked:
-    """Turn an inverted torque in place and return the typical cycles and the findings.
+    There are no typical cycles without sound ones; the torque in them is positive when driving.
 
     Parameters
     ----------
@@ -87,14 +82,15 @@ def check_quantities(rows: Mapping[str, Array], sound: Mask, recording: Recordin
     Refusal : a channel does not follow the cam; the data of torque and pressure look like each other's
     """
     if not sound.any() or not rows:
-        return Checked({})
+        return {}, ()
     stride = max(1, next(iter(rows.values())).shape[1] // COARSE_GRID)
-    typical = {}
     repeating = _repeating(next(iter(rows.values())), sound, stride, recording, pulses)
-    for quantity, values in rows.items():
-        typical[quantity] = _typical(values, sound, stride, recording.of(quantity)[0], repeating)
+    typical = {
+        quantity: _typical(values, sound, stride, recording.of(quantity)[0], repeating)
+        for quantity, values in rows.items()
+    }
     if len(typical) < 2 or recording.lift_table is None:
-        return Checked(typical, repeating)
+        return typical, repeating
     torque, pressure = typical["torque"], typical["pressure"]
     velocity = lift_velocity(recording.cam_table, rows["torque"].shape[1])[::stride]
     repeating = (*repeating, *_strokes(torque, velocity, recording))
@@ -103,9 +99,9 @@ def check_quantities(rows: Mapping[str, Array], sound: Mask, recording: Recordin
     # A pump takes work over a revolution: where it does, a torque against the lift is a cam that stands wrong.
     work = float(np.mean(torque) - at_rest(torque, velocity))
     if straight > INVERTED_CORRELATION or work > 0.0:
-        return Checked(typical, (*repeating, *_unsigned(torque, velocity)))
+        return typical, (*repeating, *_unsigned(torque, velocity))
     rows["torque"][...] *= -1.0
-    return Checked({**typical, "torque": -torque}, (*repeating, _turned(recording, float(np.mean(torque)), straight)))
+    return {**typical, "torque": -torque}, (*repeating, _turned(recording, float(np.mean(torque)), straight))
 
 
 def _repeating(rows: Array, sound: Mask, stride: int, recording: Recording, pulses: Array) -> tuple[Finding, ...]:

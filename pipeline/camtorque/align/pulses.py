@@ -78,32 +78,8 @@ class TriggerTrain:
 
 def clean_pulses(time: Array) -> PulseTrain:
     """Remove bounced and doubled pulses of an evenly divided shaft and put in missed ones; edge times in seconds."""
-    kept, n_bounced = without_bounces(time)
-    kept, n_doubled = _without_extras(kept)
-    return _with_missed(kept, n_bounced, n_doubled)
-
-
-def _local_period(time: Array) -> Array:
-    return running_median(np.diff(time), LOCAL_PERIODS)
-
-
-def _without_extras(time: Array) -> tuple[Array, int]:
-    """Drop pulses between two that lie one period apart."""
-    n_before, i = time.size, 0
-    period = _local_period(time)
-    while i < time.size - 2:
-        expected = period[min(i, period.size - 1)]
-        ahead = time[i + 2 : i + 2 + MAX_EXTRA] - time[i]
-        if time[i + 1] - time[i] < (1.0 - SAME_PERIOD) * expected and ahead.size:
-            nearest = int(np.argmin(np.abs(ahead - expected)))
-            if abs(ahead[nearest] / expected - 1.0) < SAME_PERIOD:
-                time = np.delete(time, slice(i + 1, i + 2 + nearest))
-                period = _local_period(time)
-        i += 1
-    return time, n_before - time.size
-
-
-def _with_missed(time: Array, n_bounced: int, n_doubled: int) -> PulseTrain:
+    time, n_bounced = without_bounces(time)
+    time, n_doubled = _without_extras(time)
     gaps = np.diff(time)
     n_periods = np.ones(gaps.size, dtype=np.int64)
     broken = np.zeros(gaps.size, dtype=bool)
@@ -125,6 +101,26 @@ def _with_missed(time: Array, n_bounced: int, n_doubled: int) -> PulseTrain:
     scatter = 1.4826 * np.median(np.abs(single)) / np.sqrt(2.0) / np.median(gaps) if single.size else 1.0
     counts = {"bounced": n_bounced, "doubled": n_doubled, "missed": int(np.sum(repaired)), "gaps": int(np.sum(broken))}
     return PulseTrain(out_time, step, repaired, out_broken, float(scatter), counts)
+
+
+def _local_period(time: Array) -> Array:
+    return running_median(np.diff(time), LOCAL_PERIODS)
+
+
+def _without_extras(time: Array) -> tuple[Array, int]:
+    """Drop pulses between two that lie one period apart."""
+    n_before, i = time.size, 0
+    period = _local_period(time)
+    while i < time.size - 2:
+        expected = period[min(i, period.size - 1)]
+        ahead = time[i + 2 : i + 2 + MAX_EXTRA] - time[i]
+        if time[i + 1] - time[i] < (1.0 - SAME_PERIOD) * expected and ahead.size:
+            nearest = int(np.argmin(np.abs(ahead - expected)))
+            if abs(ahead[nearest] / expected - 1.0) < SAME_PERIOD:
+                time = np.delete(time, slice(i + 1, i + 2 + nearest))
+                period = _local_period(time)
+        i += 1
+    return time, n_before - time.size
 
 
 def _periods_in_gap(gaps: Array, i: int) -> tuple[int, bool]:

@@ -11,15 +11,13 @@ from dataclasses import replace
 import numpy as np
 
 from camtorque.align.counter import counter_train
-from camtorque.align.numbering import number_counts, number_teeth
 from camtorque.align.options import AlignOptions
 from camtorque.align.pulses import PulseTrain, TriggerTrain
-from camtorque.align.teeth import broken_before, mark_misfit
+from camtorque.align.teeth import broken_before, mark_misfit, number_counts, number_teeth
 from camtorque.config import TriggerSpec
 from camtorque.records import Array, Channel, Finding, Integers, Recording, Refusal
 from camtorque.signal.edges import Edges, find_edges
-from camtorque.signal.inductive import find_crossings
-from camtorque.signal.pickup import find_pulses
+from camtorque.signal.inductive import find_crossings, find_pulses
 from camtorque.signal.threshold import Threshold
 from camtorque.units import RPM, TURN
 

@@ -1,17 +1,17 @@
-"""Edge times of a tooth wheel -> pulses with counted steps, anew at every mark.
+"""Edge times of any wheel or encoder -> pulses with whole steps since the reference of the nominal angle.
 
-A mark is the gap of missing teeth, an extra tooth, or the pulse of an index channel (`numbering`). Between two marks a
-wheel has as many steps as it has teeth: where that is not so, the wheel slipped or teeth were lost, the revolution is
-not used and the count starts anew.
+A mark is the gap of missing teeth, an extra tooth, or the pulse of an index channel. Between two marks a wheel has as
+many steps as it has teeth: where that is not so, the wheel slipped or teeth were lost, the revolution is not used and
+the count starts anew.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from camtorque.align.pulses import PulseTrain
+from camtorque.align.pulses import PulseTrain, clean_pulses
 from camtorque.config import TriggerSpec
 from camtorque.records import Array, Integers, Mask, Refusal
 from camtorque.signal.running import running_median
@@ -41,19 +41,13 @@ NEAREST_MARKS = Threshold(
     "Two marks are further apart than this part of a revolution: a slip loses a few teeth, not a third of them."
 )  # fmt: skip
 FAR_MARKS = Count(3, "turns", "convention", "A mark is confirmed by another one up to this many revolutions away.")
-
-
-@dataclass(frozen=True)
-class Counted:
-    """Pulses with their counted steps; ``marks`` are places in ``time``; ``broken`` as in `PulseTrain`."""
-
-    time: Array
-    step: Integers
-    broken: Mask
-    marks: Integers
-    n_extra: int = 0
-    n_missed: int = 0
-    n_slips: int = 0
+LATE_INDEX = Threshold(
+    0.5, "steps", "convention", "An index that comes this many steps after a mark still belongs to it."
+)
+INDEX_SPREAD = Threshold(
+    0.25, "steps", "simulated rigs",
+    "Standard deviation of the index pulse among the others [steps] beyond which it does not belong to this wheel."
+)  # fmt: skip
 
 
 def forward(time: Array, where: str) -> Array:
@@ -80,27 +74,31 @@ def _steps(time: Array, most: int) -> tuple[Integers, Mask]:
     return np.where(still, 1, steps), still
 
 
-def missing_tooth_steps(time: Array, missing: int) -> Counted:
-    """Return the steps of a wheel whose mark is a gap, or of one without a mark (``missing`` 0)."""
+def _train_of(time: Array, steps: Integers, still: Mask, n_extra: int, n_missed: int) -> PulseTrain:
+    """Return pulses by the steps of the gaps between them, of which some are a standstill."""
+    counts = {"bounced": 0, "doubled": n_extra, "missed": n_missed, "gaps": int(still.sum()), "slips": 0}
+    none = np.zeros(time.size, dtype=bool)
+    return PulseTrain(time, np.r_[0, np.cumsum(steps)], none, np.r_[False, still], 0.0, counts)
+
+
+def missing_tooth_steps(time: Array, missing: int) -> tuple[PulseTrain, Integers]:
+    """Return the pulses of a wheel whose mark is a gap, and which are marks: none where ``missing`` is 0."""
     kept, n_extra = _without_close_teeth(time)
     steps, still = _steps(kept, missing + 1)
     is_mark = (steps == missing + 1) & ~still & (missing > 0)
     n_missed = int(np.sum(steps[~is_mark] - 1))
-    return Counted(
-        kept, np.r_[0, np.cumsum(steps)], np.r_[False, still], 1 + np.flatnonzero(is_mark), n_extra, n_missed
-    )
+    return _train_of(kept, steps, still, n_extra, n_missed), 1 + np.flatnonzero(is_mark)
 
 
-def double_tooth_steps(time: Array) -> Counted:
-    """Return the steps of a wheel whose mark is one tooth more, anywhere in a gap."""
+def double_tooth_steps(time: Array) -> tuple[PulseTrain, Integers]:
+    """Return the pulses of a wheel whose mark is one tooth more, anywhere in a gap, and which are marks."""
     ratio = np.diff(time) / pitch_of(time)
     short, long = np.minimum(ratio[:-1], ratio[1:]), np.maximum(ratio[:-1], ratio[1:])
     parted = (np.abs(short + long - 1.0) < ONE_PITCH) & (short > BOUNCE) & (long < 1.0 - BOUNCE)
     doubled = 1 + np.flatnonzero(parted)
     kept = np.delete(time, doubled)
     steps, still = _steps(kept, 1)
-    marks = doubled - np.arange(doubled.size)
-    return Counted(kept, np.r_[0, np.cumsum(steps)], np.r_[False, still], marks, 0, int(np.sum(steps - 1)))
+    return _train_of(kept, steps, still, 0, int(np.sum(steps - 1))), doubled - np.arange(doubled.size)
 
 
 def _without_close_teeth(time: Array) -> tuple[Array, int]:
@@ -118,7 +116,7 @@ def _without_close_teeth(time: Array) -> tuple[Array, int]:
     return time, n_before - time.size
 
 
-def from_marks(counted: Counted, spec: TriggerSpec, where: str) -> PulseTrain:
+def from_marks(train: PulseTrain, marks: Integers, spec: TriggerSpec, where: str) -> PulseTrain:
     """Return the train of a wheel with a mark: confirmed marks only, counted anew at each.
 
     Raises
@@ -126,16 +124,15 @@ def from_marks(counted: Counted, spec: TriggerSpec, where: str) -> PulseTrain:
     Refusal : no gap or extra tooth is there
     """
     n = spec.pulses_per_rev
-    if not counted.marks.size:
+    if not marks.size:
         raise Refusal(
-            f"{where}: no mark found among {counted.time.size} teeth, expected "
+            f"{where}: no mark found among {train.time.size} teeth, expected "
             f"{'a double tooth' if spec.double_tooth else f'{spec.missing_teeth} missing teeth'} "
             f"once in {n}; check pulses_per_rev, missing_teeth and double_tooth in [trigger], and sensor "
             '("inductive" for a coil)'
         )
-    marks = confirmed(counted.step[counted.marks], n)
-    found = resynced(replace(counted, marks=counted.marks[marks]), n, n - spec.missing_teeth)
-    return train_of(found)
+    found = resynced(train, marks[confirmed(train.step[marks], n)], n, n - spec.missing_teeth)
+    return replace(found, counts={**found.counts, "gaps": int(found.broken.sum()) - found.counts["slips"]})
 
 
 def mark_misfit(train: PulseTrain, spec: TriggerSpec) -> float:
@@ -172,8 +169,8 @@ def confirmed(step: Integers, n: int) -> Integers:
     return np.array(chosen, dtype=np.int64)
 
 
-def resynced(counted: Counted, n: int, present: int) -> Counted:
-    """Return steps that are zero (mod n) at every mark; the pulses between marks that do not agree are left out.
+def resynced(train: PulseTrain, marks: Integers, n: int, present: int) -> PulseTrain:
+    """Return pulses with steps of zero (mod n) at every mark; those between marks that do not agree are left out.
 
     Beyond the first and the last mark as many pulses are kept as the wheel has without showing another mark.
 
@@ -182,7 +179,7 @@ def resynced(counted: Counted, n: int, present: int) -> Counted:
     n : steps from mark to mark
     present : steps that the wheel can run before the next mark shows
     """
-    step, marks = counted.step, counted.marks
+    step = train.step
     between = np.diff(step[marks])
     turns = np.maximum(1, np.rint(between / n)).astype(np.int64)
     slipped = between != n * turns
@@ -191,13 +188,15 @@ def resynced(counted: Counted, n: int, present: int) -> Counted:
     last_mark = np.clip(np.searchsorted(marks, np.arange(step.size), side="right") - 1, 0, None)
     new = new + shift[last_mark]
     kept = (new > -n) & (new < new[marks[-1]] + present)
-    broken = counted.broken.copy()
+    broken = train.broken.copy()
     for k in np.flatnonzero(slipped):
         kept[marks[k] + 1 : marks[k + 1]] = False
         broken[marks[k + 1]] = True
+    counts = {**train.counts, "slips": train.counts.get("slips", 0) + int(slipped.sum())}
     return replace(
-        counted, time=counted.time[kept], step=new[kept], broken=broken_before(broken, kept), n_slips=int(slipped.sum())
-    )
+        train, time=train.time[kept], step=new[kept], repaired=train.repaired[kept],
+        broken=broken_before(broken, kept), counts=counts,
+    )  # fmt: skip
 
 
 def broken_before(broken: Mask, kept: Mask) -> Mask:
@@ -208,14 +207,105 @@ def broken_before(broken: Mask, kept: Mask) -> Mask:
     return (total[places + 1] - total[before]) > 0
 
 
-def train_of(counted: Counted) -> PulseTrain:
-    """Return counted pulses as a train."""
-    none = np.zeros(counted.time.size, dtype=bool)
-    counts = {
-        "bounced": 0,
-        "doubled": counted.n_extra,
-        "missed": counted.n_missed,
-        "gaps": int(counted.broken.sum()) - counted.n_slips,
-        "slips": counted.n_slips,
-    }
-    return PulseTrain(counted.time, counted.step, none, counted.broken, 0.0, counts)
+def number_teeth(time: Array, spec: TriggerSpec, where: str, index: Array | None) -> PulseTrain:
+    """Return the pulses with ``step`` zero (mod pulses per cycle) at the reference of the nominal angle.
+
+    The reference is the first tooth after the gap, the first regular tooth after an extra one, or the pulse of an
+    index channel. Where the wheel turns several times per cycle, the first mark at or after the index pulse.
+
+    Parameters
+    ----------
+    time : edge times [s]
+    index : edge times of the index channel [s], None without one
+
+    Raises
+    ------
+    Refusal : the wheel has no mark, or the mark is not found once per revolution
+    """
+    train = _numbered(forward(time, where), spec, where, index)
+    return replace(train, phase_open=True) if spec.revolutions_per_cycle > 1 and index is None else train
+
+
+def _numbered(time: Array, spec: TriggerSpec, where: str, index: Array | None) -> PulseTrain:
+    if spec.pulses_per_rev == 1:
+        train = clean_pulses(time)
+        return train if index is None else numbered_by_index(train, index, spec, where)
+    if spec.double_tooth or spec.missing_teeth:
+        found = double_tooth_steps(time) if spec.double_tooth else missing_tooth_steps(time, spec.missing_teeth)
+        train = from_marks(*found, spec, where)
+        if index is None or (spec.revolutions_per_cycle == 1 and spec.reference != "index"):
+            return train
+        return numbered_by_index(train, index, spec, where)
+    if index is None:
+        raise _without_mark(spec, where)
+    return numbered_by_index(missing_tooth_steps(time, 0)[0], index, spec, where)
+
+
+def number_counts(time: Array, spec: TriggerSpec, where: str, index: Array | None) -> PulseTrain:
+    """Return the pulses of an encoder whose two tracks show every step; where it stood the way is not proven."""
+    time = forward(time, where)
+    if index is None:
+        raise _without_mark(spec, where)
+    stood = np.rint(np.diff(time) / pitch_of(time)) > 1.0
+    return numbered_by_index(_train_of(time, np.ones(stood.size, dtype=np.int64), stood, 0, 0), index, spec, where)
+
+
+def _without_mark(spec: TriggerSpec, where: str) -> Refusal:
+    return Refusal(
+        f"{where}: a wheel of {spec.pulses_per_rev} pulses per revolution without a mark does not tell which tooth "
+        "is at nominal_angle_deg; expected missing_teeth or double_tooth in [trigger], or a channel with "
+        'quantity = "index"'
+    )
+
+
+def numbered_by_index(train: PulseTrain, index: Array, spec: TriggerSpec, where: str) -> PulseTrain:
+    """Return the train with its steps counted from the index pulse, anew at each one.
+
+    Raises
+    ------
+    Refusal : the index does not come once per turn of the cam, or wanders among the pulses
+    """
+    n, per_rev = spec.pulses_per_cycle, spec.pulses_per_rev
+    place = np.interp(index, train.time, train.step.astype(np.float64), left=np.nan, right=np.nan)
+    place = place[np.isfinite(place)]
+    by_mark = bool(spec.missing_teeth or spec.double_tooth or per_rev == 1)
+    _refuse_odd_index(place, n, where)
+    if by_mark and spec.reference != "index":
+        # the index only tells which turn of the wheel; the nominal angle is that of the mark at or after it
+        late = min(LATE_INDEX, 0.1 * per_rev)
+        turn = np.ceil((_circular_mean(place, n) - late) / per_rev) * per_rev
+        return replace(train, step=train.step - int(turn))
+    fraction, spread = _fraction(place)
+    if spread > INDEX_SPREAD:
+        raise Refusal(
+            f"{where}: the index pulse wanders by {spread:.2g} of a pulse interval among the pulses, expected a place "
+            "that repeats; check that both channels belong to one encoder and pulses_per_rev"
+        )
+    zeros = np.rint(place - fraction).astype(np.int64)
+    marks = np.searchsorted(train.step, zeros)
+    there = train.step[np.minimum(marks, train.step.size - 1)] == zeros
+    found = resynced(train, np.unique(marks[there]), n, n)
+    return replace(found, offset=fraction, offset_std=float(spread / np.sqrt(place.size)), by_index=True)
+
+
+def _refuse_odd_index(place: Array, n: int, where: str) -> None:
+    apart = float(np.median(np.diff(place))) if place.size > 1 else float(n)
+    if place.size and abs(apart / n - 1.0) < ONE_PITCH:
+        return
+    found = f"one every {apart:.1f} pulses" if place.size else "none beside the pulses"
+    raise Refusal(
+        f"{where}: found {place.size} index pulses, {found}, expected one every {n} (per turn of the cam); check "
+        "pulses_per_rev, revolutions_per_cycle and the index channel"
+    )
+
+
+def _circular_mean(place: Array, n: int) -> float:
+    return float(np.angle(np.mean(np.exp(2j * np.pi * place / n))) / (2.0 * np.pi) * n)
+
+
+def _fraction(place: Array) -> tuple[float, float]:
+    """Return where between two pulses the index lies (-0.5 to 0.5) and its robust spread [steps]."""
+    centre = _circular_mean(place, 1)
+    around = (place - centre + 0.5) % 1.0 - 0.5
+    middle = float(np.median(around))
+    return centre + middle, 1.4826 * float(np.median(np.abs(around - middle)))

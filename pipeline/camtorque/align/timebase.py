@@ -1,4 +1,10 @@
-"""Trigger channels and clocks of a recording -> one pulse train on the clock of the torque's logger."""
+"""Trigger channels and clocks of a recording -> one pulse train on the clock of the torque's logger; what it lacks.
+
+Where a wheel turns several times per cycle and no index tells which turn is which, torque and pressure may: the torque
+of a pump follows line pressure times lift velocity, and the pressure rises with the lift. So each possible turn is
+tried on the mean cycle; the one that fits is taken, and a finding says where none fits clearly better. The trigger may
+fall silent while the pump goes on, or wake up after it has begun: turns that no pulse shows.
+"""
 
 from __future__ import annotations
 
@@ -8,20 +14,33 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from camtorque.align.angle import cam_angle
-from camtorque.align.clocks import Clock, against, fit_clock, same_clock
-from camtorque.align.jumps import mark_jumps
+from camtorque.align.channels import Measured, Turns, align_channels, positions
+from camtorque.align.clocks import Clock, against, fit_clock, mark_jumps, same_clock
 from camtorque.align.options import AlignOptions
 from camtorque.align.physics_clock import Pair, physics_clock
 from camtorque.align.places import Places, tooth_places
+from camtorque.align.polarity import INVERTED_CORRELATION, correlation, lift_velocity
 from camtorque.align.pulses import PulseTrain, TriggerTrain, train_findings
 from camtorque.align.sources import trigger_trains
-from camtorque.records import Array, Channel, Finding, Recording, Refusal
+from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal
+from camtorque.signal.logger_time import end_time
+from camtorque.signal.threshold import Count, Threshold
 from camtorque.units import TURN
 
 PHYSICAL = ("torque", "pressure")
 """Quantities that tie a logger without a trigger to the others."""
 NOISELESS = 1.0e-9
 """Standard error that an edge has at least when it is weighed against another one [s]: made signals have none."""
+STILL_TURNING = Threshold(
+    0.5, "1", "physics",
+    "A channel that swings by this share of what it does between the pulses shows that the pump turns."
+)  # fmt: skip
+SILENT_TURNS = Count(
+    2, "turns", "convention", "Turns in a row without a pulse: a shaft that runs out may make one more stroke."
+)
+LATE = Threshold(0.05, "turns", "convention", "By this much a pulse may be late: a shaft slows down a little first.")
+COARSE = 720
+CLEARER = Threshold(0.2, "1", "simulated rigs", "Correlation by which the best turn has to beat the next.")
 
 
 @dataclass(frozen=True)
@@ -63,7 +82,8 @@ def time_base(recording: Recording, reference: str, options: AlignOptions) -> Ti
     Refusal : a trigger without pulses, or a logger with its own clock and nothing to tie it to the others
     """
     triggers = trigger_trains(recording, options)
-    main = _main_trigger(recording, triggers, reference)
+    on_base = [trigger for logger, trigger in triggers.items() if recording.config.share_clock(logger, reference)]
+    main = next(iter((*on_base, *triggers.values())))
     clocks = _clocks(recording, triggers, main)
     train, noise = _fused(triggers, main, clocks)
     findings = [
@@ -95,12 +115,6 @@ def _referred(clocks: Mapping[str, Clock], reference: str) -> dict[str, Clock]:
         if clock.fit.method in ("reference", "common time base")
     }
     return {**referred, **named, reference: same_clock(reference, "reference")}
-
-
-def _main_trigger(recording: Recording, triggers: Mapping[str, TriggerTrain], reference: str) -> TriggerTrain:
-    """Return a trigger on the reference's time base, else any."""
-    on_base = [trigger for logger, trigger in triggers.items() if recording.config.share_clock(logger, reference)]
-    return on_base[0] if on_base else next(iter(triggers.values()))
 
 
 def _clocks(recording: Recording, triggers: Mapping[str, TriggerTrain], main: TriggerTrain) -> dict[str, Clock]:
@@ -177,3 +191,112 @@ def _fused(
         train = replace(train, time=fused, repaired=train.repaired & ~same)
         noise = 1.0 / np.hypot(1.0 / noise, 1.0 / noise_there)
     return train, float(noise)
+
+
+def silence_findings(base: TimeBase, channels: Mapping[str, Channel]) -> tuple[Finding, ...]:
+    """Return what is lost before the first or after the last pulse although the pump turned there.
+
+    Parameters
+    ----------
+    channels : those that follow the cam; the pressure tells, else the torque
+    """
+    channel, train, n = channels.get("pressure") or channels.get("torque"), base.train, base.pulses_per_cycle
+    if channel is None or train.step[-1] - train.step[0] < n:
+        return ()
+    clock = base.clocks[channel.logger]
+    spans = [_span(trigger.channel, base.clocks[logger]) for logger, trigger in base.triggers.items()]
+    spans += [_span(one, base.clocks[one.logger]) for one in channels.values()]
+    own = _span(channel, clock)
+    logged = max(span[0] for span in spans), min(span[1] for span in spans)  # no turn is used that a log lacks
+    where = next(iter(base.triggers.values())).channel.where
+    found = []
+    for name, edge, inside, end in (
+        ("begin", train.time[0], train.step[0] + n, logged[0]),
+        ("end", train.time[-1], train.step[-1] - n, logged[1]),
+    ):
+        turn = float(edge - np.interp(inside, train.step, train.time))
+        lost = (end - edge) / turn
+        if lost > SILENT_TURNS + 1.0 + LATE and _turns(channel, clock, float(edge), turn):
+            text = (
+                f"the pulses {name} at {edge - own[0]:.2f} s of {own[1] - own[0]:.2f} s, but the {channel.quantity} "
+                f"swings {'before' if name == 'begin' else 'on'}: about {lost:.0f} turns are not used; did the sensor "
+                "of the pulses or its cable fail there?"
+            )
+            found.append(Finding("trigger_silent", "warning", text, where))
+    return tuple(found)
+
+
+def _span(channel: Channel, clock: Clock) -> tuple[float, float]:
+    """Return begin and end of a channel on the clock of the reference [s]."""
+    begin, end = clock.to_reference(np.array([channel.start_time, end_time(channel)]))
+    return float(begin), float(end)
+
+
+def _turns(channel: Channel, clock: Clock, edge: float, turn: float) -> bool:
+    """Return whether a channel swings beyond a pulse, ``turn`` [s] away from the others, as it does before it."""
+
+    def swing(start: float) -> float:
+        ends = np.sort(positions(channel, clock, np.array([edge + start * turn, edge + (start + 1.0) * turn])))
+        first, last = np.clip(ends, 0, channel.n_samples).astype(np.int64)
+        values = channel.read(int(first), int(last))
+        values = values[np.isfinite(values)]
+        return float(np.ptp(values)) if values.size else 0.0
+
+    usual = swing(-1.0)
+    return usual > 0.0 and all(swing(1.0 + LATE + k) > STILL_TURNING * usual for k in range(SILENT_TURNS))
+
+
+def settled_phase(recording: Recording, base: TimeBase, channels: Measured, options: AlignOptions) -> TimeBase:
+    """Return the time base with the pulses numbered from the right turn of the wheel, and a finding."""
+    spec = recording.config.trigger
+    turns = spec.revolutions_per_cycle
+    if not base.train.phase_open:
+        return base
+    scores = np.zeros(turns)
+    if recording.lift_table is not None and "pressure" in channels.main:
+        scores = _scores(_means(recording, base, channels, options), recording.cam_table, turns)
+    order = np.argsort(scores)[::-1]
+    best = int(order[0])
+    clear = scores[best] > scores[order[1]] + CLEARER
+    found = ", ".join(f"{score:.2f}" for score in scores)
+    text = (
+        f"the wheel turns {turns} times per turn of the cam and no index channel tells which is which: "
+        + (f"torque and pressure do (correlations {found})" if clear else f"turn {best + 1} is assumed ({found})")
+        + ("" if clear else '; add a channel with quantity = "index", one pulse per turn of the cam')
+    )
+    finding = Finding("cycle_phase_by_lift" if clear else "cycle_phase_open", "info" if clear else "warning", text)
+    step = base.train.step - best * (base.pulses_per_cycle // turns)
+    return replace(base, train=replace(base.train, step=step), findings=(*base.findings, finding))
+
+
+def _means(recording: Recording, base: TimeBase, channels: Measured, options: AlignOptions) -> dict[str, Array]:
+    """Return the median cycle of torque and pressure on a coarse grid."""
+    angle = cam_angle(base.train, recording.config.trigger, base.pulses_per_cycle, base.places)
+    turns = Turns(angle, base.clocks, replace(options, n_theta=COARSE))
+    complete = turns.covered(channels.main.values())
+    if not complete.any():
+        return {}
+    aligned = align_channels(channels.main, turns, complete)
+    whole = np.all([np.isfinite(item.rows).all(axis=1) for item in aligned.values()], axis=0)
+    if not whole.any():
+        return {}
+    return {quantity: np.median(item.rows[whole], axis=0) for quantity, item in aligned.items()}
+
+
+def _scores(means: dict[str, Array], table: CamTable, turns: int) -> Array:
+    """Return how well the mean cycle follows the lift, for each turn that it may begin with, (turns,).
+
+    A torque that is against the lift where the pressure rises with it is inverted: it is turned later on.
+    """
+    if "pressure" not in means:
+        return np.zeros(turns)
+    velocity, line = lift_velocity(table, COARSE), np.maximum(means["pressure"], 0.0)
+    # the table read from another turn: what is at theta then was at theta + turn
+    read = [np.roll(velocity, turn * COARSE // turns) for turn in range(turns)]
+    rises = np.array([correlation(line, np.maximum(slope, 0.0)) for slope in read])
+    if "torque" not in means:
+        return rises
+    drives = np.array([correlation(means["torque"], line * slope) for slope in read])
+    likely = np.argsort(rises)[::-1]
+    told = rises[likely[0]] > rises[likely[1]] + CLEARER
+    return -drives if told and drives[likely[0]] < INVERTED_CORRELATION else drives

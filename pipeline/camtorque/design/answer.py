@@ -18,8 +18,8 @@ from camtorque.design.explain import SEEN, Price, Spread, limit_words, plain_nam
 from camtorque.design.front import Front, FrontPoint, find_front
 from camtorque.design.responses import RESPONSES, Evaluated
 from camtorque.design.task import Task
+from camtorque.ingest.cam_table import outlying_points
 from camtorque.ingest.new_recording import toml_value
-from camtorque.ingest.outliers import outlying_points
 from camtorque.ingest.pump_file import read_pressure_curve, read_pump
 from camtorque.jsonable import jsonable
 from camtorque.mechanism.predict import predict, sweep_rows

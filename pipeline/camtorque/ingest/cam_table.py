@@ -1,17 +1,18 @@
-"""The measured lift table of the cam."""
+"""The measured lift table of the cam, and its single wrong points: a slip of the pen, a burr under the stylus."""
 
 from __future__ import annotations
 
+import math
 import re
 
 import numpy as np
+from numpy.typing import NDArray
 
 from camtorque.config import PumpData
 from camtorque.ingest.header import name_and_unit
-from camtorque.ingest.outliers import outliers_text
 from camtorque.ingest.table_file import SmallTable, read_small_table
 from camtorque.records import Array, CamTable, Finding, Refusal
-from camtorque.units import BORDER_UNITS, did_you_mean, tidy_unit, unit_factor
+from camtorque.units import BORDER_UNITS, DEGREE, did_you_mean, tidy_unit, unit_factor
 
 RESOLUTION = re.compile(
     r"resolution\s*[:=]?\s*(\d{1,9}(?:[.,]\d{1,9})?(?:e-?\d{1,2})?)\s*([a-zµμ]{1,9})", re.IGNORECASE
@@ -33,6 +34,14 @@ DISTINCT = 16
 """Values that have to differ before a step that they share is taken for the resolution: few may share one by chance."""
 FINEST = 1.0e-9
 """A spreadsheet writes sixteen digits whatever was measured [m]."""
+ORDER = 6
+"""Order of the differences, in which a smooth lift vanishes and one wrong point leaves a row of binomials."""
+EXACT = 1.0e-7
+"""An exact table is taken to be good to this [m]."""
+LEAST = 10.0
+"""A point counts when it is off by more than this many standard deviations of the rounding."""
+LIKENESS = 0.95
+"""Share of the local sixth differences that one wrong point has to explain; steep ends of flanks explain less."""
 
 
 def read_cam_table(pump: PumpData) -> tuple[CamTable, tuple[Finding, ...]]:
@@ -194,3 +203,33 @@ def _check_angles(table: SmallTable, theta: Array) -> None:
             f"{table.path}: angles from {np.rad2deg(theta[0]):g} to {np.rad2deg(theta[-1]):g} deg with a largest step "
             f"of {np.rad2deg(gap):g} deg; expected one whole revolution of the cam without gaps{hint}"
         )
+
+
+def outlying_points(table: CamTable) -> NDArray[np.int64]:
+    """Return the indices of points that stick out of their neighbours, none for a table of uneven steps.
+
+    Notes
+    -----
+    Around a point off by d, the differences of order 6 are ``d (1, -6, 15, -20, 15, -6, 1)``: d by least squares, and
+    the share of the differences that it explains.
+    """
+    if table.theta.size < 4 * ORDER or np.ptp(np.diff(table.theta)) > 1e-3 * np.mean(np.diff(table.theta)):
+        return np.empty(0, dtype=np.int64)
+    pattern = np.array([(-1.0) ** k * math.comb(ORDER, k) for k in range(ORDER + 1)])
+    half = ORDER // 2
+    differences = sum(c * np.roll(table.lift, half - k) for k, c in enumerate(pattern))
+    window = np.stack([np.roll(differences, half - k) for k in range(ORDER + 1)])
+    size = pattern @ window / (pattern @ pattern)
+    energy = np.sum(window**2, axis=0)
+    explained = size**2 * (pattern @ pattern) / np.where(energy > 0.0, energy, 1.0)
+    spread = max(table.resolution / np.sqrt(12.0), EXACT, 1.4826 * float(np.median(np.abs(size))))
+    return np.flatnonzero((np.abs(size) > LEAST * spread) & (explained > LIKENESS))
+
+
+def outliers_text(table: CamTable) -> tuple[str, str]:
+    """Return which points of a lift table stick out, and where; empty where none does."""
+    found = outlying_points(table)
+    if not found.size:
+        return "", ""
+    where = ", ".join(f"{angle / DEGREE:g}" for angle in table.theta[found[:5]]) + " deg"
+    return f"{found.size} point(s) of the lift table stick out of their neighbours, at {where}", where

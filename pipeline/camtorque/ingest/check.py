@@ -12,9 +12,9 @@ import numpy as np
 from camtorque.config import RecordingConfig
 from camtorque.records import Array, Channel, Finding, Recording, Refusal
 from camtorque.signal.edges import without_bounces
+from camtorque.signal.inductive import find_pulses
 from camtorque.signal.logger_time import pause_intervals
 from camtorque.signal.marks import uneven_marks
-from camtorque.signal.pickup import find_pulses
 from camtorque.signal.scan import SPIKE_TIMES_BESIDE, Scan, scan_channel
 from camtorque.units import BAR, DEGREE, RPM, counted, short
 
@@ -159,7 +159,23 @@ def _sample_findings(channel: Channel, scan: Scan, unit: str) -> list[Finding]:
         if math.isnan(scan.low):
             text = "the channel holds no number at all; is it the right column, and exported as numbers?"
         return [*found, Finding("channel_constant", "error", text, where)]
-    found += _range_findings(channel, scan, unit, where)
+    clipped = scan.clipped_low + scan.clipped_high
+    if channel.quantity != "trigger" and clipped > MUCH_CLIPPED * scan.n_samples:
+        share = 100.0 * clipped / scan.n_samples
+        text = f"{clipped} samples ({share:.2g} %) stand at the lowest or highest value in flat runs: clipped"
+        found.append(Finding(f"{channel.quantity}_clipped", "warning", text, where))
+    calibration = channel.calibration
+    if calibration is None:
+        return found
+    margin = 0.1 * (calibration.output_max_volts - calibration.output_min_volts)
+    if scan.high > calibration.output_max_volts + margin or scan.low < calibration.output_min_volts - margin:
+        low, high, least, most = (
+            volts / channel.scale
+            for volts in (scan.low, scan.high, calibration.output_min_volts, calibration.output_max_volts)
+        )
+        seen = f"{low:.4g} to {high:.4g} {unit}".strip()
+        text = f"{seen}, the sensor gives {least:g} to {most:g}; wrong unit, or samples damaged"
+        found.append(Finding("out_of_range", "error", text, where))
     return found
 
 
@@ -196,28 +212,6 @@ def _largest_bend(channel: Channel, first: int, last: int) -> float:
     volts = channel.read_volts(max(first - 1, 0), min(last + 2, channel.n_samples))
     bends = np.abs(volts[1:-1] - 0.5 * (volts[:-2] + volts[2:]))
     return float(np.max(bends[np.isfinite(bends)], initial=0.0))
-
-
-def _range_findings(channel: Channel, scan: Scan, unit: str, where: str) -> list[Finding]:
-    found = []
-    clipped = scan.clipped_low + scan.clipped_high
-    if channel.quantity != "trigger" and clipped > MUCH_CLIPPED * scan.n_samples:
-        share = 100.0 * clipped / scan.n_samples
-        text = f"{clipped} samples ({share:.2g} %) stand at the lowest or highest value in flat runs: clipped"
-        found.append(Finding(f"{channel.quantity}_clipped", "warning", text, where))
-    calibration = channel.calibration
-    if calibration is None:
-        return found
-    margin = 0.1 * (calibration.output_max_volts - calibration.output_min_volts)
-    if scan.high > calibration.output_max_volts + margin or scan.low < calibration.output_min_volts - margin:
-        low, high, least, most = (
-            volts / channel.scale
-            for volts in (scan.low, scan.high, calibration.output_min_volts, calibration.output_max_volts)
-        )
-        seen = f"{low:.4g} to {high:.4g} {unit}".strip()
-        text = f"{seen}, the sensor gives {least:g} to {most:g}; wrong unit, or samples damaged"
-        found.append(Finding("out_of_range", "error", text, where))
-    return found
 
 
 def _expected(config: RecordingConfig) -> float:

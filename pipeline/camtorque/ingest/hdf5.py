@@ -21,9 +21,8 @@ from camtorque.config import ChannelSpec
 from camtorque.ingest.columns import time_beside
 from camtorque.ingest.hdf5_heaps import check_chunks, check_heaps
 from camtorque.ingest.header import column_number, numbered_name
-from camtorque.ingest.raw import CallSource, FileChannel, RawFile, refusing
+from camtorque.ingest.raw import CallSource, FileChannel, RawFile, refuse_bomb, refusing
 from camtorque.ingest.stored import Stored, listing_of, read_stored
-from camtorque.ingest.zlib_check import refuse_bomb
 from camtorque.records import Finding, Refusal
 from camtorque.units import did_you_mean
 

@@ -95,7 +95,9 @@ def _refuse_cycles_side_by_side(path: Path, layout: CsvLayout, sources: Mapping[
     n_rows = next(iter(sources.values())).n_samples
     if layout.n_columns > max(MOST_COLUMNS, n_rows):
         raise Refusal(f"{path}: holds {layout.n_columns} columns of {n_rows} rows, as cycles in rows do; {OVER_TIME}")
-    unit = layout.units[first] if first >= 0 else ""
+    if first < 0:
+        return
+    unit = layout.units[first]
     kind, factor = BORDER_UNITS.get(tidy_unit(unit), ("", 0.0))
     angle = kind == "angle" or (not unit and bool(NO_TIME.search(layout.names[first])))
     values = sources[first].read(0, n_rows) if angle else np.empty(0)

@@ -14,9 +14,8 @@ from camtorque.config import ChannelSpec
 from camtorque.ingest import hdf5
 from camtorque.ingest.formats import first_bytes, is_hdf5
 from camtorque.ingest.header import is_time_name
-from camtorque.ingest.raw import FileChannel, RawFile, refusing
+from camtorque.ingest.raw import FileChannel, RawFile, checked_size, refusing
 from camtorque.ingest.variables import is_rate_name, listed, read_variables
-from camtorque.ingest.zlib_check import checked_size
 from camtorque.records import Refusal
 
 HEAD = 128

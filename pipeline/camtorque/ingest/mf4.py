@@ -28,10 +28,10 @@ from camtorque.ingest.raw import (
     CallSource,
     FileChannel,
     RawFile,
+    checked_size,
     refusing,
 )
 from camtorque.ingest.stored import Stored, chosen, listing_of, read_stored
-from camtorque.ingest.zlib_check import checked_size
 from camtorque.records import Refusal, SampleSource
 
 MAX_BLOCKS = 2_000_000

@@ -15,9 +15,8 @@ from numpy.lib import format as npy
 
 from camtorque.config import ChannelSpec
 from camtorque.ingest.header import numbered_name
-from camtorque.ingest.raw import FileChannel, RawFile, refusing
+from camtorque.ingest.raw import FileChannel, RawFile, refuse_bomb, refusing
 from camtorque.ingest.variables import listed, read_variables
-from camtorque.ingest.zlib_check import refuse_bomb
 from camtorque.records import Refusal
 
 

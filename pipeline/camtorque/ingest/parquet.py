@@ -23,8 +23,7 @@ from camtorque.ingest.columns import columns_of, raw_file
 from camtorque.ingest.csv_layout import CsvLayout
 from camtorque.ingest.header import name_and_unit
 from camtorque.ingest.listing import listed
-from camtorque.ingest.raw import ArraySource, FileChannel, RawFile, optional_library, refusing
-from camtorque.ingest.zlib_check import refuse_bomb
+from camtorque.ingest.raw import ArraySource, FileChannel, RawFile, optional_library, refuse_bomb, refusing
 from camtorque.records import Refusal, SampleSource
 from camtorque.units import UNITS
 
@@ -33,8 +32,8 @@ HEAD_BYTES = 4096
 """A page header with its statistics is smaller."""
 UNPACKED, PACKED, DATA, DATA_2, COUNT = 2, 3, 5, 8, 1
 """Fields of PageHeader, and of its data page headers."""
-STRUCT, LISTS, TEXT, DOUBLE, BOOLS, BYTE = 12, (9, 10), 8, 7, (1, 2), 3
-"""Kinds of fields in the compact protocol."""
+STRUCT, LISTS, TEXT, FIXED = 12, (9, 10), 8, {1: 0, 2: 0, 3: 1, 7: 8}
+"""Kinds of fields in the compact protocol; true, false, byte and double with their bytes."""
 FIRST_MESSAGE = 8
 """Bytes of the magic before it."""
 HEADER, BUFFERS, COMPRESSION, DICTIONARY_DATA = 2, 2, 3, 1
@@ -213,10 +212,8 @@ def _thrift(data: bytes, at: int, depth: int = 0) -> tuple[dict[int, Any], int]:
 
 
 def _thrift_field(data: bytes, at: int, kind: int, depth: int) -> tuple[Any, int]:
-    if kind in BOOLS:
-        return None, at
-    if kind in (BYTE, DOUBLE):
-        return None, at + (1 if kind == BYTE else 8)
+    if kind in FIXED:
+        return None, at + FIXED[kind]
     if kind == TEXT:
         length, at = _varint(data, at)
         return None, at + length

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from camtorque.config.quantities import CHANNEL_QUANTITIES, SENSED
-from camtorque.ingest.bridge import SUPPLIES
 from camtorque.ingest.formats import FORMATS, file_format
 from camtorque.ingest.raw import FileChannel
+from camtorque.ingest.sensitivity import SUPPLIES
 from camtorque.ingest.wheel import LEAST_PULSES, LOOKED_AT
 from camtorque.records import Array, Refusal
 from camtorque.units import BORDER_UNITS, absolute_unit, is_known_unit, tidy_unit

@@ -16,7 +16,7 @@ import numpy as np
 
 from camtorque.config import PumpData
 from camtorque.config.tables import Problems
-from camtorque.ingest.outliers import outliers_text
+from camtorque.ingest.cam_table import outliers_text
 from camtorque.records import CamTable, Finding
 from camtorque.units import STEEL_DENSITY, short
 

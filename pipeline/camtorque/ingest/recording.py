@@ -16,17 +16,16 @@ from camtorque.config.quantities import SHEET_NEEDED, channel_factor
 from camtorque.config.recording import load_recording_config
 from camtorque.config.tables import Problems
 from camtorque.hashes import input_files
-from camtorque.ingest.bridge import over_supplies, with_supplies
 from camtorque.ingest.cam_table import read_cam_table
 from camtorque.ingest.formats import FORMATS, declared_format, file_format
-from camtorque.ingest.largest import extent
-from camtorque.ingest.plausibility import check_loads, check_trigger, check_trigger_exchanged
+from camtorque.ingest.plausibility import check_loads, check_trigger, check_trigger_exchanged, extent
 from camtorque.ingest.pump_sizes import check_pump
 from camtorque.ingest.raw import RawChannel, RawFile
+from camtorque.ingest.sensitivity import over_supplies, with_supplies
 from camtorque.ingest.sensors import Sensor, certificate_age, read_sensor
 from camtorque.ingest.starts import starts, time_findings
-from camtorque.ingest.table_file import read_comment
-from camtorque.ingest.zeros import check_idle, with_idle_zero
+from camtorque.ingest.table_file import commented_rows
+from camtorque.ingest.zeros import with_idle_zero
 from camtorque.records import CamTable, Channel, Finding, Recording, Refusal, SensorCalibration
 from camtorque.units import ATMOSPHERE, UNIT_OFFSETS, absolute_unit, is_known_unit, tidy_unit
 
@@ -38,12 +37,7 @@ DURATION_TOLERANCE = 1.0e-4
 
 
 def read_recording(path: Path) -> Recording:
-    """Read one recording.
-
-    Returns
-    -------
-    Recording
-        channels in the order of recording.toml, each in SI through its calibration; samples are read when asked for
+    """Return one recording: channels in the order of recording.toml, whose samples are read when asked for, in SI.
 
     Raises
     ------
@@ -61,7 +55,9 @@ def recording_of(config: RecordingConfig) -> Recording:
     raw, file_findings = _read_files(config, problems)
     sensors = read_sensors(config, raw, problems)
     problems.raise_any()
-    channels, findings = _channels(config, raw, sensors)
+    begun = starts(config, raw)
+    read = [_channel(config, spec, raw[spec], begun[spec], sensors.get(spec.quantity)) for spec in config.channels]
+    channels = tuple(channel for channel, _ in read)
     files = [config.path, *([config.pump.cam_table_path] if config.pump_sheet is not None else [])]
     files += [file for sensor in sensors.values() for file in sensor.files]
     files += [spec.path for spec in config.channels]
@@ -74,7 +70,9 @@ def recording_of(config: RecordingConfig) -> Recording:
             *config.findings,
             *cam_findings,
             *(finding for sensor in sensors.values() for finding in sensor.findings),
-            *_without_repeats(*file_findings, *findings, *time_findings(config, raw, channels)),
+            *_without_repeats(
+                *file_findings, *(row for _, rows in read for row in rows), *time_findings(config, raw, channels)
+            ),
             *_other_run(config),
         ),
     )
@@ -102,7 +100,7 @@ def _other_pump(config: RecordingConfig) -> list[Finding]:
     if not mark or not series:
         return []
     lift_table = config.pump.cam_table_path
-    text = f"{lift_table.stem} {read_comment(lift_table, 'a lift table')}".replace("_", " ")
+    text = f"{lift_table.stem} {commented_rows(lift_table, 'a lift table')[0]}".replace("_", " ")
     named = re.findall(rf"(?<!\w){re.escape(series)}-\w+", text)
     if not named or config.pump_id in named:
         return []
@@ -174,14 +172,6 @@ def _span(raw: RawChannel, scale: float) -> float:
     return float(values.max()) * scale if values.size else 0.0
 
 
-def _channels(
-    config: RecordingConfig, raw: dict[ChannelSpec, RawChannel], sensors: dict[str, Sensor]
-) -> tuple[tuple[Channel, ...], list[Finding]]:
-    begun = starts(config, raw)
-    read = [_channel(config, spec, raw[spec], begun[spec], sensors.get(spec.quantity)) for spec in config.channels]
-    return tuple(channel for channel, _ in read), [finding for _, findings in read for finding in findings]
-
-
 def _channel(
     config: RecordingConfig, spec: ChannelSpec, raw: RawChannel, start: float, sensor: Sensor | None
 ) -> tuple[Channel, list[Finding]]:
@@ -235,7 +225,7 @@ def _refuse_other_unit(spec: ChannelSpec, raw: RawChannel) -> None:
 def _idle_zero(
     calibration: SensorCalibration, reference: SensorRef, raw: RawChannel, scale: float, where: str
 ) -> SensorCalibration:
-    """Return the zero as the mean over the marked idle stretch, whose halves are two readings."""
+    """Return the calibration with its zero from the marked idle stretch."""
     assert reference.idle_from is not None  # checked with the configuration
     assert reference.idle_to is not None
     start, stop = (round(t * raw.sample_rate) for t in (reference.idle_from, reference.idle_to))
@@ -245,7 +235,4 @@ def _idle_zero(
     stretch = f"{where}: the idle stretch {reference.idle_from:g}..{reference.idle_to:g} s"
     if values.size < LEAST_IDLE_SAMPLES:
         raise Refusal(f"{stretch} holds {values.size} samples, expected at least {LEAST_IDLE_SAMPLES}")
-    check_idle(values, extent(raw.source) * abs(scale), stretch)
-    first, second = np.array_split(values, 2)
-    noise = float(values.std()) / math.sqrt(0.5 * values.size)
-    return with_idle_zero(calibration, (float(first.mean()), float(second.mean())), noise)
+    return with_idle_zero(calibration, values, extent(raw.source) * abs(scale), stretch)

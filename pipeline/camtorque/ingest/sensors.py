@@ -13,8 +13,7 @@ from pathlib import Path
 
 from camtorque.config import SensorRef
 from camtorque.config.quantities import CHANNEL_QUANTITIES, SENSED
-from camtorque.ingest.certificate import CertificateLine
-from camtorque.ingest.sensitivity import range_of, sensitivity_findings, sensor_line
+from camtorque.ingest.sensitivity import CertificateLine, range_of, sensitivity_findings, sensor_line
 from camtorque.ingest.sheet import Sheet, read_sheet
 from camtorque.ingest.zeros import (
     READING_SHARE,

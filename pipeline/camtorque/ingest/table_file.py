@@ -45,7 +45,7 @@ def read_small_table(path: Path, what: str) -> SmallTable:
     Names stand above the numbers, units in a row between them, in brackets or at the end of the names. What stands
     above the names is the comment; a column without a number in its first row is left out.
     """
-    comment, rows = _commented_rows(path, what)
+    comment, rows = commented_rows(path, what)
     first = next((n for n, (_, fields) in enumerate(rows) if n and sum(map(is_number, fields)) > 1), len(rows))
     units = rows[first - 1][1] if first > 1 and any(map(is_known_unit, rows[first - 1][1])) else []
     header = first - 1 - bool(units)
@@ -85,11 +85,6 @@ def _names(path: Path, fields: list[str], units: list[str]) -> tuple[list[str], 
     return names, {name: unit or row for (name, unit), row in zip(plain, below, strict=True) if unit or row}
 
 
-def read_comment(path: Path, what: str) -> str:
-    """Return what a table says of itself, without looking at its numbers."""
-    return _commented_rows(path, what)[0]
-
-
 def _text_rows(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
     """Return the comment, and number and fields of each row of a text."""
     lines = _text(path).splitlines()
@@ -124,8 +119,8 @@ def _workbook_rows(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
     return comment, rows[first:]
 
 
-def _commented_rows(path: Path, what: str) -> tuple[str, list[tuple[int, list[str]]]]:
-    """Return comment and rows of a table that is there and no larger than a table is."""
+def commented_rows(path: Path, what: str) -> tuple[str, list[tuple[int, list[str]]]]:
+    """Return what a table says of itself and its rows; it has to be there and no larger than a table is."""
     try:
         if not path.is_file():
             raise Refusal(
@@ -157,6 +152,10 @@ def _numbers(path: Path, number: int, fields: list[str], expected: int) -> list[
         values = [float(field) for field in fields]
     except ValueError as error:
         raise Refusal(f"{path} line {number}: {' | '.join(fields)!r:.80} is not a row of numbers") from error
-    if len(values) != expected or not all(map(math.isfinite, values)):
-        raise Refusal(f"{path} line {number}: {len(values)} finite numbers expected: {expected}, one per column")
+    finite = sum(map(math.isfinite, values))
+    if not len(values) == finite == expected:
+        raise Refusal(
+            f"{path} line {number}: found {len(values)} fields, {finite} of them finite numbers, expected {expected} "
+            "of these, one per column; complete the row or take it out"
+        )
     return values

@@ -212,25 +212,18 @@ def _pieces(file: TdmsFile, channel_path: str) -> tuple[Piece, ...] | None:
         if segment.toc_mask & DAQMX or segment.final_chunk_lengths_override is not None:
             return None
         objects = [item for item in segment.ordered_objects if item.has_data]
-        widths = [getattr(item.data_type, "nptype", None) for item in objects]
-        mine = [number for number, item in enumerate(objects) if item.path == channel_path]
-        if not mine:
+        mine = next((number for number, item in enumerate(objects) if item.path == channel_path), None)
+        if mine is None:
             continue
-        if any(width is None for width in widths):
+        if any(getattr(item.data_type, "nptype", None) is None for item in objects):
             return None
         order = ">" if segment.toc_mask & BIG_ENDIAN else "<"
-        pieces += _pieces_of(segment, objects, mine[0], order, pieces[-1].first + pieces[-1].n_samples if pieces else 0)
+        kinds = [np.dtype(item.data_type.nptype).newbyteorder(order) for item in objects]
+        widths = [kind.itemsize for kind in kinds]
+        sizes = [item.number_values * width for item, width in zip(objects, widths, strict=True)]
+        woven, kind, count, chunk = segment.toc_mask & INTERLEAVED, kinds[mine], objects[mine].number_values, sum(sizes)
+        begin = segment.data_position + sum((widths if woven else sizes)[:mine])
+        stride = sum(widths) if woven else kind.itemsize
+        first = pieces[-1].first + pieces[-1].n_samples if pieces else 0
+        pieces += [Piece(first + n * count, count, begin + n * chunk, kind, stride) for n in range(segment.num_chunks)]
     return tuple(pieces)
-
-
-def _pieces_of(segment: Any, objects: list[Any], mine: int, order: str, first: int) -> list[Piece]:
-    kinds = [np.dtype(item.data_type.nptype).newbyteorder(order) for item in objects]
-    sizes = [item.number_values * kind.itemsize for item, kind in zip(objects, kinds, strict=True)]
-    chunk, kind, count = sum(sizes), kinds[mine], objects[mine].number_values
-    if segment.toc_mask & INTERLEAVED:
-        stride = sum(k.itemsize for k in kinds)
-        before = sum(k.itemsize for k in kinds[:mine])
-    else:
-        stride, before = kind.itemsize, sum(sizes[:mine])
-    begin = segment.data_position + before
-    return [Piece(first + n * count, count, begin + n * chunk, kind, stride) for n in range(segment.num_chunks)]

@@ -9,8 +9,8 @@ import numpy as np
 
 from camtorque.ingest.raw import ArraySource, FileChannel
 from camtorque.records import Array, Channel, Refusal
+from camtorque.signal.inductive import find_pulses
 from camtorque.signal.marks import repeats_every
-from camtorque.signal.pickup import find_pulses
 from camtorque.units import TURN
 
 LOOKED_AT = 400_000

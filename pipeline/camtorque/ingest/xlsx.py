@@ -24,8 +24,7 @@ from camtorque.ingest.columns import columns_of, raw_file
 from camtorque.ingest.csv_layout import CsvLayout
 from camtorque.ingest.header import is_number, names_in, names_of
 from camtorque.ingest.listing import listed
-from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile, optional_library, refusing
-from camtorque.ingest.zlib_check import refuse_bomb
+from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile, optional_library, refuse_bomb, refusing
 from camtorque.records import Finding, Refusal, SampleSource
 
 HEADER_ROWS = 200

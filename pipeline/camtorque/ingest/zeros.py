@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camtorque.ingest.certificate import CertificateLine
+from camtorque.ingest.sensitivity import CertificateLine
 from camtorque.ingest.sheet import Sheet
 from camtorque.records import Array, Finding, Refusal, SensorCalibration
 from camtorque.units import ATMOSPHERE
@@ -67,8 +67,12 @@ def zero_of_readings(readings: list[float], resolution: float, tolerance: float)
     return sum(readings) / 2.0, math.sqrt((moment(most) - moment(least)) / weight / 2.0)
 
 
-def check_idle(values: Array, extent: float, what: str) -> None:
-    """Look whether a channel rests in a stretch that is said to be at standstill.
+def with_idle_zero(calibration: SensorCalibration, values: Array, extent: float, what: str) -> SensorCalibration:
+    """Return the calibration with its zero from a stretch at standstill, whose halves are two readings.
+
+    Parameters
+    ----------
+    values, extent : samples of the stretch, and how far those of the whole log lie apart [V]
 
     Raises
     ------
@@ -80,19 +84,11 @@ def check_idle(values: Array, extent: float, what: str) -> None:
             f"{what} swings by {100.0 * (high - low) / extent:.0f} % of what the whole log does, expected at most "
             f"{100.0 * IDLE_SWING:.0f} % at standstill; correct idle_from_s and idle_to_s [s after the first sample]"
         )
-
-
-def with_idle_zero(calibration: SensorCalibration, halves: tuple[float, float], noise: float) -> SensorCalibration:
-    """Return the calibration with its zero from a stretch of the recording at standstill.
-
-    Parameters
-    ----------
-    halves : means of its halves [V]; two readings
-    noise : standard error of each [V]
-    """
+    halves = [float(half.mean()) for half in np.array_split(values, 2)]
+    noise = float(values.std()) / math.sqrt(0.5 * values.size)
     gain = abs(calibration.gain)
     tolerance = math.sqrt(3.0) * calibration.zero_std / gain
-    zero, std = zero_of_readings(list(halves), max(math.sqrt(12.0) * noise, READING_STEP), tolerance)
+    zero, std = zero_of_readings(halves, max(math.sqrt(12.0) * noise, READING_STEP), tolerance)
     return replace(calibration, zero_volts=zero, zero_std=gain * std, zero_source="idle stretch")
 
 

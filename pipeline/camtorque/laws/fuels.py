@@ -33,8 +33,8 @@ MODULI = ((BIODIESEL, 1.55e9, 0.12e9), (GASOLINE, 1.00e9, 0.12e9), (DIESEL, 1.33
 Methyl esters: 1350 m/s and 865 kg/m^3 (Tat & Van Gerpen, J. Am. Oil Chem. Soc. 77 (2000)) give 1.57. Gasoline: 1150
 m/s and 735 kg/m^3 give 0.97. Diesel: Payri, Fuel 90 (2011), 1.25-1.33; 1330 m/s and 820 kg/m^3 give 1.45 for a dense
 one."""
-ANY_MODULUS = (1.40e9, 0.15e9)
-"""Fuels and test oils of any kind: 1.1-1.7 GPa [Pa]."""
+ANY_MODULUS = (1.35e9, 0.18e9)
+"""Fuels and test oils of any kind, gasoline among them: 1.0-1.7 GPa [Pa]."""
 VISCOSITIES = ((313.15, 2.6), (373.15, 1.1))
 """Temperature [K] and kinematic viscosity [mm^2/s]."""
 

@@ -15,8 +15,16 @@ from camtorque.compiled import compiled_pays
 from camtorque.records import Array, Channel, Finding, Integers, Mask, Refusal
 from camtorque.signal import passes_compiled
 from camtorque.signal.damage import NO_VOLTAGE
-from camtorque.signal.edge_time import EdgeSamples, crossings, edge_samples, joined
-from camtorque.signal.levels import NOISE_HEIGHTS, level_windows, looked_at, noise_of
+from camtorque.signal.levels import (
+    NOISE_HEIGHTS,
+    EdgeSamples,
+    crossings,
+    edge_samples,
+    joined,
+    level_windows,
+    looked_at,
+    noise_of,
+)
 from camtorque.signal.logger_time import sample_times
 from camtorque.signal.running import percentile
 from camtorque.signal.threshold import Threshold
@@ -90,7 +98,25 @@ def find_edges(channel: Channel, declared: str, block_samples: int = 1 << 20) ->
         least = LEAST_HEIGHT * float(heights[-HIGHEST])
         if heights[0] < least:
             rising, falling, n_missing = _scanned(channel, 2 * block_samples, least)
-    return _edges(channel, declared, rising, falling, n_missing)
+    high = _high_fraction(rising.before, falling.before)
+    inverted = high > REST_HIGH and declared == "rising"
+    edge = "falling" if inverted else declared
+    taken, other = (falling, rising) if edge == "falling" else (rising, falling)
+    height, noise = _median(taken.height), _median(taken.noise)
+    if taken.before.size < 2 or not height > MIN_HEIGHT_TO_NOISE * noise:
+        raise _no_pulses(channel, taken.before.size, height)
+    crossing = crossings(taken)
+    width = _pulse_width(crossing.position, other.before) / channel.sample_rate
+    findings = missing_finding(n_missing, channel.where)
+    if inverted:
+        text = (
+            f"the trigger rests high ({100 * high:.0f} % of the time) and its pulses point down, against the sheet's "
+            f"edge 'rising': the leading (falling) edge is taken; the other edge lies {1e3 * width:.3g} ms later"
+        )
+        findings = (Finding("trigger_inverted", "warning", text, channel.where), *findings)
+    edge_noise = float(np.hypot(noise / (height * crossing.slope), crossing.blur)) / channel.sample_rate
+    time, opposite = sample_times(channel, crossing.position), sample_times(channel, other.before.astype(np.float64))
+    return Edges(time, width, height, edge_noise, edge, opposite, findings)
 
 
 def _scanned(channel: Channel, block: int, least: float) -> tuple[EdgeSamples, EdgeSamples, int]:
@@ -194,32 +220,6 @@ class _Collector:
         self.waiting = []
 
 
-def _edges(channel: Channel, declared: str, rising: EdgeSamples, falling: EdgeSamples, n_nan: int) -> Edges:
-    high = _high_fraction(rising.before, falling.before)
-    inverted = high > REST_HIGH and declared == "rising"
-    edge = "falling" if inverted else declared
-    taken, other = (falling, rising) if edge == "falling" else (rising, falling)
-    height, noise = _median(taken.height), _median(taken.noise)
-    if taken.before.size < 2 or not height > MIN_HEIGHT_TO_NOISE * noise:
-        raise _no_pulses(channel, taken.before.size, height)
-    crossing = crossings(taken)
-    width = _pulse_width(crossing.position, other.before) / channel.sample_rate
-    findings = (*_turned(inverted, high, width, channel.where), *missing_finding(n_nan, channel.where))
-    edge_noise = float(np.hypot(noise / (height * crossing.slope), crossing.blur)) / channel.sample_rate
-    time, opposite = sample_times(channel, crossing.position), sample_times(channel, other.before.astype(np.float64))
-    return Edges(time, width, height, edge_noise, edge, opposite, findings)
-
-
-def _turned(inverted: bool, high: float, width: float, where: str) -> tuple[Finding, ...]:
-    if not inverted:
-        return ()
-    text = (
-        f"the trigger rests high ({100 * high:.0f} % of the time) and its pulses point down, against the sheet's edge "
-        f"'rising': the leading (falling) edge is taken; the other edge lies {1e3 * width:.3g} ms later"
-    )
-    return (Finding("trigger_inverted", "warning", text, where),)
-
-
 def missing_finding(n_missing: int, where: str) -> tuple[Finding, ...]:
     """Return the finding of samples that are no numbers."""
     if not n_missing:
@@ -250,15 +250,9 @@ def _no_pulses(channel: Channel, count: int, height: float) -> Refusal:
 
 
 def without_bounces(time: Array) -> tuple[Array, int]:
-    """Keep the first edge of a burst: the contact closes first and bounces afterwards.
+    """Return edge times [s] with the first edge of a burst alone, and how many were left out.
 
-    Parameters
-    ----------
-    time : (n,) of the edges [s]
-
-    Returns
-    -------
-    kept, n_bounced : times without bounces, and how many were left out
+    The contact closes first and bounces afterwards.
     """
     if time.size < 3:
         return time, 0

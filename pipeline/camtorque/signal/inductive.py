@@ -1,4 +1,4 @@
-"""Voltage of an inductive pick-up -> zero crossings at the middle of each tooth, whatever the speed.
+"""Voltage of an inductive pick-up -> zero crossings at the middle of each tooth; the one finder of any pulses.
 
 A coil gives the rate of change of the flux: a wave per tooth whose height grows with the speed, and a larger one beside
 a gap of the wheel. So a wave counts by comparison with its neighbours, not by a level: its two halves have to reach a
@@ -15,7 +15,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from camtorque.records import Array, Channel, Integers, Refusal
 from camtorque.signal.damage import NO_VOLTAGE
-from camtorque.signal.edges import Edges, missing_finding
+from camtorque.signal.edges import Edges, find_edges, missing_finding
 from camtorque.signal.levels import without_missing
 from camtorque.signal.logger_time import sample_times
 from camtorque.signal.threshold import Threshold
@@ -199,3 +199,14 @@ def _reach(values: Array, start: Integers, limit: Array, way: int) -> Integers:
         moving = moving[there & inside]
         reach[moving] += 1
     return reach
+
+
+def find_pulses(channel: Channel, sensor: str, edge: str, block_samples: int = 1 << 18) -> Edges:
+    """Return the declared edge of every pulse of a pick-up, for `check` and for `align`; ``sensor`` as in [trigger].
+
+    Raises
+    ------
+    Refusal : no pulses in the channel
+    """
+    finder = find_crossings if sensor == "inductive" else find_edges
+    return finder(channel, edge, block_samples)

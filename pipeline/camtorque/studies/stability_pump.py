@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from camtorque.config.pump import PressureCurve, PumpConfig
-from camtorque.ingest.outliers import outlying_points
+from camtorque.ingest.cam_table import outlying_points
 from camtorque.ingest.pump_file import read_pressure_curve
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.friction import Friction
