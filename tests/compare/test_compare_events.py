@@ -27,6 +27,7 @@ from camtorque.fit.changes import (
 )
 from camtorque.fit.difference import along, evaluated, minimised, objective, turn_of_tooth, within
 from camtorque.fit.pair import COMMON_TIME_BASE, TwoRecordings, _slope, best_pair, shift_covariance
+from camtorque.fit.problem import with_rows
 from camtorque.fit.verdicts import common_attributions, parameter_differences
 from camtorque.laws.chain import BINS, ChainInput, ChainOutput, evaluate
 from camtorque.process.second_process import Second, second_process
@@ -146,6 +147,18 @@ def test_the_start_of_a_file_is_no_event() -> None:
     one_clock = made_pair({}, RINGING, late=late)
     assert "delay_error" not in one_clock.own
     assert attribution(one_clock)[0].best != ()
+
+
+@pytest.mark.parametrize("unread", [0, 1], ids=["before", "after"])
+def test_a_zero_that_one_of_both_did_not_read_is_no_event(unread: int) -> None:
+    """A shift of 2 N m is two standard deviations of a zero without readings, whichever recording comes first."""
+    pair = made_pair({"torque_zero": 2.0})
+    items = list(pair.items)
+    items[unread] = with_rows(items[unread], {"torque_zero": {"prior": (0.0, 1.0), "lower": -30.0, "upper": 30.0}})
+    pair = replace(pair, items=tuple(items))
+    assert pair.own["torque_zero"] == pytest.approx(1.0, rel=0.1)
+    assert pair.bounds[1][pair.names.index("torque_zero")] == pytest.approx(30.0)
+    assert attribution(pair)[0].best == ()
 
 
 @pytest.mark.parametrize("name", ["trigger_offset", "delay_error", "leakage"])
