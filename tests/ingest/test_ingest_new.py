@@ -2,6 +2,7 @@
 
 import json
 import re
+import resource
 import shutil
 from pathlib import Path
 
@@ -101,6 +102,19 @@ def test_values_that_are_asked_for_twice_are_counted(tmp_path: Path, capsys: pyt
     printed = capsys.readouterr().out
     assert '17 values are marked "?": pump_id' in printed
     assert ", sensitivity_V_per_unit (2 times)\n" in printed
+
+
+def test_a_full_disk_leaves_no_first_recording_behind(tmp_path: Path):
+    """An empty file stayed, which the next `new` would not overwrite and `check` called empty."""
+    log = shutil.copy(EXAMPLES / "A_1250rpm" / "A_1250rpm_all.csv", tmp_path)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
+    try:
+        assert cli.main(["new", str(log)]) == 2
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert [path.name for path in tmp_path.iterdir()] == ["A_1250rpm_all.csv"]
+    assert cli.main(["new", str(log)]) == 0
 
 
 def test_an_existing_recording_is_never_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
