@@ -215,3 +215,40 @@ def test_of_a_file_for_each_channel_one_is_the_trigger(tmp_path: Path):
         body = [f"{1e-4 * n:.6f},{value:.5f}" for n, value in enumerate(values)]
         file.write_text("\r\n".join([*head, *body, ""]), encoding="utf-8")
     assert [item.quantity for item in look_into(files)] == ["", "", "trigger"]
+
+
+def log_with_wheel(folder: Path, teeth: int, missing: int) -> Path:
+    """Write a log of the example whose trigger is a tooth wheel on the same shaft."""
+    wheel = pulses(teeth, missing, turns=20, samples=20)
+    values, rate = wheel.source.read(0, wheel.n_samples), wheel.sample_rate
+    beat = np.sin(2.0 * np.pi * 10.0 * np.arange(values.size) / float(rate or 1.0))
+    file = folder / "log.npz"
+    np.savez(file, trigger=values, torque_Nm=30.0 * beat, pressure_bar=300.0 + 200.0 * beat, fs=rate)
+    return file
+
+
+def test_the_trigger_of_another_wheel_is_not_taken_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """One tooth of the other recording and the gap of this one were mixed: 'missing_teeth: 1 of 1 pulses'."""
+    assert cli.main(["new", str(log_with_wheel(tmp_path, 36, 1)), "--like", str(EXAMPLES / "A_1000rpm"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["unknown"] == ["nominal_angle_deg", "installation_tolerance_deg"]
+    text = (tmp_path / "recording.toml").read_text()
+    assert "its [trigger] is not taken over" in text
+    assert "pulses_per_rev = 36" in text
+    assert 'pump_id = "FIP-A"' in text
+    again = tmp_path / "again"
+    (tmp_path / "recording.toml").write_text(text.replace('deg = "?"', "deg = 1.5"))
+    assert cli.main(["new", str(tmp_path / "log.npz"), "--like", str(tmp_path), "--out", str(again), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["unknown"] == []
+
+
+@pytest.mark.parametrize(("text", "match"), [
+    ("pump = 3", "pump: found 3, expected a table .pump."),
+    ("[sensors]\ntorque = 1", "torque: found 1, expected a table .sensors.torque."),
+    ("channels = 3", "expected at least one ..channels.. table, found 3"),
+])  # fmt: skip
+def test_another_recording_that_is_none_is_refused(tmp_path: Path, text: str, match: str):
+    other = tmp_path / "other.toml"
+    other.write_text(text)
+    proposals = look_into([EXAMPLES / "A_1250rpm" / "A_1250rpm_all.csv"])
+    with pytest.raises(Refusal, match=match):
+        new_recording(tmp_path, proposals, other)
