@@ -252,3 +252,21 @@ def test_another_recording_that_is_none_is_refused(tmp_path: Path, text: str, ma
     proposals = look_into([EXAMPLES / "A_1250rpm" / "A_1250rpm_all.csv"])
     with pytest.raises(Refusal, match=match):
         new_recording(tmp_path, proposals, other)
+
+
+def test_a_counter_that_states_its_counts_leaves_nothing_to_ask(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """'rev/1024, which is no known unit'; once it was typed: 'rev/1024 is not known; rev/1024 is used'."""
+    recording = read_recording(EXAMPLES / "A_1250rpm")
+    torque, pressure = (recording.of(name)[0].read_volts(0, 50_000)[::5] for name in ("torque", "pressure"))
+    seconds = 1e-4 * np.arange(torque.size)
+    counts = np.floor(1024.0 * (seconds * 1250.0 / 60.0 % 1.0))
+    rows = np.column_stack([seconds, counts, torque, pressure])
+    head = "Time [s],Shaft angle [rev/1024],Torque [V],Line pressure [V]"
+    np.savetxt(tmp_path / "log.csv", rows, "%.6f", ",", header=head, comments="")
+    assert cli.main(["new", str(tmp_path / "log.csv"), "--like", str(EXAMPLES / "A_1250rpm"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["unknown"] == ["nominal_angle_deg", "installation_tolerance_deg"]
+    text = (tmp_path / "recording.toml").read_text()
+    assert 'unit = "rev/1024"' in text
+    assert re.search(r"nominal_speed_rpm = 12(49|50)\.\d", text)
+    (tmp_path / "recording.toml").write_text(text.replace('deg = "?"', "deg = 1.5"))
+    assert "unit_unknown" not in {finding.code for finding in read_recording(tmp_path).findings}
