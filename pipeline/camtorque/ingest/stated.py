@@ -40,11 +40,13 @@ def stated(recording: Recording) -> dict[str, str]:
         for sheet in sheets[:1]:
             values = {f"gain [{unit}/V]": sheet.gain, "delay [s]": sheet.delay, "cut-off [Hz]": sheet.cutoff_hz}
             found |= {f"{quantity} sensor, {what}": f"{value:.{DIGITS}g}" for what, value in values.items()}
+            if sheet.gain == 1.0:  # no volt is one newton metre or pascal: the logger has scaled already
+                found[f"{quantity} sensor, gain [{unit}/V]"] = "the logger's"
     return found
 
 
 def _text(key: Key, value: Any) -> str:
-    if value is None:
+    if value is None or value == "":
         return "nothing"
     return f"{key.of_si(value):.{DIGITS}g}" if key.kind == "number" else str(value)
 
