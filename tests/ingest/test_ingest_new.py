@@ -270,3 +270,19 @@ def test_a_counter_that_states_its_counts_leaves_nothing_to_ask(tmp_path: Path, 
     assert re.search(r"nominal_speed_rpm = 12(49|50)\.\d", text)
     (tmp_path / "recording.toml").write_text(text.replace('deg = "?"', "deg = 1.5"))
     assert "unit_unknown" not in {finding.code for finding in read_recording(tmp_path).findings}
+
+
+def test_a_pump_file_names_its_pump(tmp_path: Path):
+    """docs/predict.md: its id is the pump_id of its recordings; it was asked for."""
+    proposals = look_into([EXAMPLES / "A_1250rpm" / "A_1250rpm_all.csv"])
+    new = new_recording(tmp_path, proposals, CALIBRATION / "pump_A.toml")
+    assert 'pump_id = "FIP-A"' in new.text
+    assert "pump_id" not in new.unknown
+
+
+def test_a_wheel_without_a_tooth_is_told_what_its_keys_count(tmp_path: Path):
+    folder = write_folder(tmp_path / "r", [clean_log(revolutions=5.0)], PLANS["csv"])
+    sheet = folder / "recording.toml"
+    sheet.write_text(sheet.read_text().replace("[trigger]", "[trigger]\nmissing_teeth = 1"))
+    with pytest.raises(Refusal, match="1 of 1 pulses per revolution are missing, expected fewer than pulses_per_rev, "):
+        load_recording_config(folder)

@@ -212,8 +212,9 @@ def _known_of(like: Path | None, folder: Path) -> dict[str, dict[str, Any]]:
     tables["angles"] = {name: True for name in ANGLE_QUANTITIES if name in quantities}
     of_rig = ("pump_id", "rotation")
     tables["recording"] = {name: tables["recording"][name] for name in of_rig if name in tables["recording"]}
-    for name in ("id", "note") if "recording" not in values else ():
-        tables["pump"].pop(name, None)
+    if "recording" not in values:  # a pump file, whose id is the name of the pump
+        tables["pump"].pop("note", None)
+        tables["recording"] |= {"pump_id": tables["pump"].pop("id")} if "id" in tables["pump"] else {}
     for table in (tables["pump"], *tables["sensors"].values()):
         for name in PATHS:
             if isinstance(table.get(name), str):
