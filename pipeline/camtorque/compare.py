@@ -327,7 +327,7 @@ def compare(before: Path, after: Path, out: Path, progress: Progress = silent) -
             progress(f"left out: {side}: {', '.join(map(_name, rows))}, whose speeds the other side does not have")
     with output_folder(out, "compare.json") as folder:
         found = [_one_pair(*pair, progress) for pair in paths.pairs]
-        joined = common_attributions([item.found for item in found])
+        joined = common_attributions([item.found for item in found], [item.pair for item in found])
         found = [replace(item, found=one) for item, one in zip(found, joined, strict=True)]
         progress("writing the comparison")
         document = compare_document(found, (before.name, after.name), paths.alone)

@@ -25,11 +25,11 @@ import lmfit
 import numpy as np
 
 from camtorque.align import align
+from camtorque.api import read
 from camtorque.config.tables import Table, read_schema
 from camtorque.fit.problem import Problem
 from camtorque.fit.single import prepare
 from camtorque.fit.solver import LiftModes
-from camtorque.ingest import read_recording
 from camtorque.laws.chain import ChainOutput, evaluate
 from camtorque.process.threads import on_one_thread
 from camtorque.records import Array, Recording, Refusal
@@ -180,7 +180,7 @@ def own_fit(recording: Recording | Path | str) -> OwnFit:
     ------
     Refusal : what `camtorque.fit` refuses
     """
-    item = recording if isinstance(recording, Recording) else read_recording(Path(recording))
+    item = recording if isinstance(recording, Recording) else read(recording)
     cycles = align(item)
     best = prepare(item, cycles, rigid_torque(item, cycles)).candidates[0]
     return OwnFit(best.problem, best.solution.z, best.solution.lift)

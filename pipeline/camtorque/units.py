@@ -120,9 +120,15 @@ def plain_unit(unit: str) -> str:
     return text
 
 
+def unit_kind(unit: str) -> str:
+    """Return the dimension of a unit at the border, "" where it is unknown."""
+    tidy = tidy_unit(unit)
+    return "angle" if COUNTS.match(tidy) else BORDER_UNITS.get(tidy, ("", 1.0))[0]
+
+
 def is_known_unit(unit: str) -> bool:
-    """Tell whether a unit is in the border table."""
-    return tidy_unit(unit) in BORDER_UNITS
+    """Tell whether a unit is one of the border."""
+    return bool(unit_kind(unit))
 
 
 def unit_factor(unit: str, dimension: str, where: str, *also: str) -> float:

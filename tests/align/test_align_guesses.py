@@ -268,6 +268,22 @@ def test_missing_samples_of_an_angle_are_told() -> None:
     assert [(item.code, item.text.split()[0]) for item in found] == [("trigger_drop_out", "3")]
 
 
+@pytest.mark.parametrize("first", [0, -32768], ids=["unsigned", "signed"])
+def test_a_counter_of_sixteen_bits_starts_again_within_a_turn(first: int) -> None:
+    """3600 counts a turn: taken to jump by 18 turns, the angle was 74 degrees off after each."""
+    time = np.arange(60_000) / 2e4
+    counts = np.floor(3600.0 * (20.0 * time + 0.05))
+    angle = ((counts - first) % 65536 + first) * TWO_PI / 3600
+    channel = Channel("angle", "DAQ", Samples(angle), 0.0, 2e4, None, Path("log.csv"), "angle")
+    found = counter_train(channel, 1)
+    assert [(item.code, item.severity) for item in found.findings] == [("counter_overflows", "warning")]
+    assert "starts again after 65536 counts, 18.2 turns" in found.findings[0].text
+    periods = np.diff(found.train.time)
+    np.testing.assert_allclose(periods, np.median(periods), rtol=0.02)
+    whole = counter_train(replace(channel, source=Samples(counts % 3600 * TWO_PI / 3600)), 1)
+    assert whole.findings == ()
+
+
 def test_a_counter_states_its_counts_a_revolution() -> None:
     assert unit_factor("rev/1024", "angle", "") == pytest.approx(TWO_PI / 1024)
     with pytest.raises(Refusal, match=r"unknown unit 'counts'.*rev/1024 for a counter"):

@@ -251,6 +251,10 @@ def test_what_is_no_path_is_told_as_that(arrays: dict[str, np.ndarray]) -> None:
     for call in (camtorque.read, camtorque.align, camtorque.fit):
         with pytest.raises(camtorque.Refusal, match="found a value of type NoneType, expected the path of a recording"):
             call(None)  # type: ignore[arg-type]
+    with pytest.raises(camtorque.Refusal, match="found a value of type int, expected the path of a recording"):
+        camtorque.own_fit(3)  # type: ignore[arg-type]
+    with pytest.raises(camtorque.Refusal, match="PressureCurve pressure: found no array of numbers, expected rad and"):
+        camtorque.PressureCurve([0.0, 1.0], ["low", "high"])  # type: ignore[arg-type]
     with pytest.raises(camtorque.Refusal, match="found a value of type NoneType, expected the path of a pump file"):
         recording(None, arrays)  # type: ignore[arg-type]
     with pytest.raises(camtorque.Refusal, match="found a value of type int, expected the path of a pump file"):

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from camtorque.fit import pair as pair_module
 from camtorque.fit.changes import (
+    STEPS_OF_CHANGE,
     Attribution,
     EventSetMinimum,
     EventSetPosterior,
@@ -27,7 +28,8 @@ from camtorque.fit.changes import (
 )
 from camtorque.fit.difference import along, evaluated, minimised, objective, turn_of_tooth, within
 from camtorque.fit.pair import COMMON_TIME_BASE, TwoRecordings, _slope, best_pair, shift_covariance
-from camtorque.fit.verdicts import common_attributions, parameter_differences
+from camtorque.fit.problem import with_rows
+from camtorque.fit.verdicts import common_attributions, parameter_differences, pooled
 from camtorque.laws.chain import BINS, ChainInput, ChainOutput, evaluate
 from camtorque.process.second_process import Second, second_process
 from camtorque.units import DEGREE, angle_grid
@@ -148,6 +150,18 @@ def test_the_start_of_a_file_is_no_event() -> None:
     assert attribution(one_clock)[0].best != ()
 
 
+@pytest.mark.parametrize("unread", [0, 1], ids=["before", "after"])
+def test_a_zero_that_one_of_both_did_not_read_is_no_event(unread: int) -> None:
+    """A shift of 2 N m is two standard deviations of a zero without readings, whichever recording comes first."""
+    pair = made_pair({"torque_zero": 2.0})
+    items = list(pair.items)
+    items[unread] = with_rows(items[unread], {"torque_zero": {"prior": (0.0, 1.0), "lower": -30.0, "upper": 30.0}})
+    pair = replace(pair, items=tuple(items))
+    assert pair.own["torque_zero"] == pytest.approx(1.0, rel=0.1)
+    assert pair.bounds[1][pair.names.index("torque_zero")] == pytest.approx(30.0)
+    assert attribution(pair)[0].best == ()
+
+
 @pytest.mark.parametrize("name", ["trigger_offset", "delay_error", "leakage"])
 def test_derivatives_of_the_difference_are_those_of_finite_steps(name: str) -> None:
     pair = made_pair({}, RINGING, COMMON_TIME_BASE)
@@ -203,11 +217,33 @@ def test_pairs_of_a_campaign_share_their_events() -> None:
 
     odds = two_ln_odds(("leakage",))
     joined = common_attributions(
-        [of({(): 0.0, ("leakage",): 3.0 + odds}), of({(): 0.0, ("leakage",): 4.0 + odds, ("spring",): -60.0})]
+        [of({(): 0.0, ("leakage",): 3.0 + odds}), of({(): 0.0, ("leakage",): 4.0 + odds, ("spring",): -60.0})],
+        [told()[1]] * 2,
     )
     assert joined[0].best == ("leakage",)
     assert joined[0].hypotheses[0].groups == joined[1].hypotheses[0].groups
     assert joined[0].moved("leakage") == pytest.approx(1.0 / (1.0 + np.exp(-0.5 * (7.0 + odds))), rel=1e-3)
+
+
+def test_a_pair_that_says_nothing_of_a_change_does_not_say_that_it_is_zero() -> None:
+    """Its 0 ± 0 had all the weight: 'leakage changed: 0.0000 ± 0.0000' where the other pair told how much."""
+    pair, names = told()[1], ("leakage", "spring_preload_error")
+
+    def of(leak: float, std: float, sets: dict[tuple[str, ...], float]) -> Attribution:
+        moves = {True: (np.array([leak, 0.0]), np.diag([std**2, 0.0])), False: (np.zeros(2), np.zeros((2, 2)))}
+        found = tuple(EventSetPosterior(g, s, *moves["leakage" in g]) for g, s in sets.items())
+        state, none = told()[0].state, np.zeros(2)
+        return Attribution(names, found, (), none, np.eye(2), none, np.ones(2), (1.0, 1.0), state)
+
+    clear = of(LEAK, 0.05 * LEAK, {("leakage", "spring"): 90.0, ("leakage",): 0.0, ("spring",): 0.0, (): 0.0})
+    silent = of(0.0, 0.0, {("spring",): 20.0, (): 0.0})
+    joined = common_attributions([clear, silent], [pair, pair])
+    assert set(joined[0].best) == {"leakage", "spring"}
+    rows = [next(row for row in parameter_differences(pair, one) if row.name == "leakage") for one in joined]
+    row = pair.items[0].rows["leakage"]
+    assert rows[1].stderr == pytest.approx(STEPS_OF_CHANGE * row.step / row.per_unit, rel=1e-3)
+    assert pooled(rows).difference == pytest.approx(LEAK / row.per_unit, rel=0.05)
+    assert pooled(rows).stderr == pytest.approx(0.05 * LEAK / row.per_unit, rel=0.05)
 
 
 @pytest.mark.parametrize(("common", "moved", "wanted"), [

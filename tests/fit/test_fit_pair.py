@@ -46,3 +46,22 @@ def test_what_was_not_seen_moves_with_the_trigger() -> None:
     one, two = (item.chain.shaft_torque for item in pair.items)
     assert np.std(at_angle(one, turned) - one) > 0.1
     np.testing.assert_allclose(two, at_angle(one, turned), atol=2e-3)
+
+
+def test_each_recording_of_a_pair_has_the_zero_that_its_own_sheet_leaves_open() -> None:
+    """Of two runs one without readings at standstill came out as changed, and as not changed the other way round."""
+    prepared = quick_prepared(*KEY)
+    recording = prepared.recording
+    channels = [
+        replace(channel, calibration=replace(channel.calibration, zero_std=1.2))
+        if channel.quantity == "torque" and channel.calibration is not None else channel
+        for channel in recording.channels
+    ]  # fmt: skip
+    unread = replace(prepared, recording=replace(recording, channels=tuple(channels)))
+    for sides in ((prepared, unread), (unread, prepared)):
+        pair = pair_of(*sides, prepared.candidates[0])
+        known = [item.rows["torque_zero"].prior for item in pair.items]
+        assert [prior is not None and prior[1] == pytest.approx(1.2, rel=0.05) for prior in known] == [
+            side is unread for side in sides
+        ]
+        assert pair.own["torque_zero"] == pytest.approx(1.2, rel=0.1)

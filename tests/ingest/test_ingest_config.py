@@ -295,3 +295,10 @@ def test_a_packed_log_is_no_text(tmp_path: Path):
 @pytest.mark.parametrize("name", FORMATS)
 def test_every_format_has_a_module_that_reads(name: str) -> None:
     assert callable(import_module(f"camtorque.ingest.{FORMATS[name].module}").read)
+
+
+def test_a_link_that_leads_nowhere_is_told_as_that(tmp_path: Path):
+    """'no such file', where a folder shows one: the drive that it leads to is not there."""
+    (tmp_path / "recording.toml").symlink_to(tmp_path / "share" / "recording.toml")
+    with pytest.raises(Refusal, match=r"recording\.toml: is a symbolic link that leads nowhere"):
+        load_recording_config(tmp_path)

@@ -2,6 +2,7 @@
 
 import json
 import re
+import resource
 import shutil
 from pathlib import Path
 
@@ -103,6 +104,19 @@ def test_values_that_are_asked_for_twice_are_counted(tmp_path: Path, capsys: pyt
     assert ", sensitivity_V_per_unit (2 times)\n" in printed
 
 
+def test_a_full_disk_leaves_no_first_recording_behind(tmp_path: Path):
+    """An empty file stayed, which the next `new` would not overwrite and `check` called empty."""
+    log = shutil.copy(EXAMPLES / "A_1250rpm" / "A_1250rpm_all.csv", tmp_path)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
+    try:
+        assert cli.main(["new", str(log)]) == 2
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert [path.name for path in tmp_path.iterdir()] == ["A_1250rpm_all.csv"]
+    assert cli.main(["new", str(log)]) == 0
+
+
 def test_an_existing_recording_is_never_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     folder = write_folder(tmp_path / "r", [clean_log(revolutions=5.0)], PLANS["csv"])
     before = (folder / "recording.toml").read_bytes()
@@ -201,3 +215,74 @@ def test_of_a_file_for_each_channel_one_is_the_trigger(tmp_path: Path):
         body = [f"{1e-4 * n:.6f},{value:.5f}" for n, value in enumerate(values)]
         file.write_text("\r\n".join([*head, *body, ""]), encoding="utf-8")
     assert [item.quantity for item in look_into(files)] == ["", "", "trigger"]
+
+
+def log_with_wheel(folder: Path, teeth: int, missing: int) -> Path:
+    """Write a log of the example whose trigger is a tooth wheel on the same shaft."""
+    wheel = pulses(teeth, missing, turns=20, samples=20)
+    values, rate = wheel.source.read(0, wheel.n_samples), wheel.sample_rate
+    beat = np.sin(2.0 * np.pi * 10.0 * np.arange(values.size) / float(rate or 1.0))
+    file = folder / "log.npz"
+    np.savez(file, trigger=values, torque_Nm=30.0 * beat, pressure_bar=300.0 + 200.0 * beat, fs=rate)
+    return file
+
+
+def test_the_trigger_of_another_wheel_is_not_taken_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """One tooth of the other recording and the gap of this one were mixed: 'missing_teeth: 1 of 1 pulses'."""
+    assert cli.main(["new", str(log_with_wheel(tmp_path, 36, 1)), "--like", str(EXAMPLES / "A_1000rpm"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["unknown"] == ["nominal_angle_deg", "installation_tolerance_deg"]
+    text = (tmp_path / "recording.toml").read_text()
+    assert "its [trigger] is not taken over" in text
+    assert "pulses_per_rev = 36" in text
+    assert 'pump_id = "FIP-A"' in text
+    again = tmp_path / "again"
+    (tmp_path / "recording.toml").write_text(text.replace('deg = "?"', "deg = 1.5"))
+    assert cli.main(["new", str(tmp_path / "log.npz"), "--like", str(tmp_path), "--out", str(again), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["unknown"] == []
+
+
+@pytest.mark.parametrize(("text", "match"), [
+    ("pump = 3", "pump: found 3, expected a table .pump."),
+    ("[sensors]\ntorque = 1", "torque: found 1, expected a table .sensors.torque."),
+    ("channels = 3", "expected at least one ..channels.. table, found 3"),
+])  # fmt: skip
+def test_another_recording_that_is_none_is_refused(tmp_path: Path, text: str, match: str):
+    other = tmp_path / "other.toml"
+    other.write_text(text)
+    proposals = look_into([EXAMPLES / "A_1250rpm" / "A_1250rpm_all.csv"])
+    with pytest.raises(Refusal, match=match):
+        new_recording(tmp_path, proposals, other)
+
+
+def test_a_counter_that_states_its_counts_leaves_nothing_to_ask(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """'rev/1024, which is no known unit'; once it was typed: 'rev/1024 is not known; rev/1024 is used'."""
+    recording = read_recording(EXAMPLES / "A_1250rpm")
+    torque, pressure = (recording.of(name)[0].read_volts(0, 50_000)[::5] for name in ("torque", "pressure"))
+    seconds = 1e-4 * np.arange(torque.size)
+    counts = np.floor(1024.0 * (seconds * 1250.0 / 60.0 % 1.0))
+    rows = np.column_stack([seconds, counts, torque, pressure])
+    head = "Time [s],Shaft angle [rev/1024],Torque [V],Line pressure [V]"
+    np.savetxt(tmp_path / "log.csv", rows, "%.6f", ",", header=head, comments="")
+    assert cli.main(["new", str(tmp_path / "log.csv"), "--like", str(EXAMPLES / "A_1250rpm"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["unknown"] == ["nominal_angle_deg", "installation_tolerance_deg"]
+    text = (tmp_path / "recording.toml").read_text()
+    assert 'unit = "rev/1024"' in text
+    assert re.search(r"nominal_speed_rpm = 12(49|50)\.\d", text)
+    (tmp_path / "recording.toml").write_text(text.replace('deg = "?"', "deg = 1.5"))
+    assert "unit_unknown" not in {finding.code for finding in read_recording(tmp_path).findings}
+
+
+def test_a_pump_file_names_its_pump(tmp_path: Path):
+    """docs/predict.md: its id is the pump_id of its recordings; it was asked for."""
+    proposals = look_into([EXAMPLES / "A_1250rpm" / "A_1250rpm_all.csv"])
+    new = new_recording(tmp_path, proposals, CALIBRATION / "pump_A.toml")
+    assert 'pump_id = "FIP-A"' in new.text
+    assert "pump_id" not in new.unknown
+
+
+def test_a_wheel_without_a_tooth_is_told_what_its_keys_count(tmp_path: Path):
+    folder = write_folder(tmp_path / "r", [clean_log(revolutions=5.0)], PLANS["csv"])
+    sheet = folder / "recording.toml"
+    sheet.write_text(sheet.read_text().replace("[trigger]", "[trigger]\nmissing_teeth = 1"))
+    with pytest.raises(Refusal, match="1 of 1 pulses per revolution are missing, expected fewer than pulses_per_rev, "):
+        load_recording_config(folder)

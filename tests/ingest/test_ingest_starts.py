@@ -85,6 +85,20 @@ def test_synchronised_logs_that_all_begin_at_zero_are_told(tmp_path: Path):
     assert "PRESSURE, TORQUE, TRIGGER are synchronised and all begin at 0 s" in str(recording.findings)
 
 
+def test_one_log_that_begins_later_by_its_times_alone_is_told(tmp_path: Path):
+    """A time column from 0.055 s beside a file without times: nothing said that 0 s was taken for the start of that."""
+    folder = three_files(tmp_path / "r", "synchronised")
+    for name in ("TORQUE", "PRESSURE", "TRIGGER"):
+        take_date_away(folder / f"{name}.tdms")
+    recording = read_recording(folder)
+    channels = [replace(c, start_time=0.055 * (c.quantity == "torque")) for c in recording.channels]
+    (text,) = [item.text for item in time_findings(recording.config, {}, channels) if item.code == "starts_together"]
+    assert text.startswith(
+        "PRESSURE, TRIGGER begin at 0 s, TORQUE at 0.055 s, on one clock: if these do not count from"
+    )
+    assert "say start_time_s" in text
+
+
 def test_logs_of_one_clock_or_of_clocks_of_their_own_begin_where_they_say(tmp_path: Path):
     for clock in ("single", "independent"):
         folder = three_files(tmp_path / clock, clock)

@@ -58,3 +58,30 @@ def test_a_lift_table_is_compared_as_a_whole(recording: Recording) -> None:
     table = recording.cam_table
     other = replace(recording, lift_table=replace(table, lift=table.lift * 1.001))
     assert list(differences({"A": stated(recording), "B": stated(other)})) == ["lift table"]
+
+
+def test_values_that_a_logger_has_scaled_state_no_gain_of_one(recording: Recording) -> None:
+    """'gain [N m/V] is 1 in B, 39.9 in A': no transducer has that."""
+    torque = recording.of("torque")[0]
+    scaled = replace(torque, calibration=replace(torque.calibration, gain=1.0))  # type: ignore[type-var]
+    channels = tuple(scaled if c is torque else c for c in recording.channels)
+    found = differences({"A": stated(recording), "B": stated(replace(recording, channels=channels))})
+    assert found["torque sensor, gain [N m/V]"].startswith("the logger's in B, ")
+
+
+def test_a_low_pass_that_one_sheet_leaves_out_is_nothing_there(recording: Recording) -> None:
+    """'cut-off [Hz] is nan in B, 1000 in A'."""
+    torque = recording.of("torque")[0]
+    open_one = replace(torque, calibration=replace(torque.calibration, cutoff_hz=float("nan")))  # type: ignore[type-var]
+    channels = tuple(open_one if c is torque else c for c in recording.channels)
+    found = differences({"A": stated(recording), "B": stated(replace(recording, channels=channels))})
+    assert found == {"torque sensor, cut-off [Hz]": "nothing in B, 1000 in A"}
+
+
+def test_a_key_that_one_recording_leaves_out_is_nothing_there(recording: Recording) -> None:
+    """'reference is index in B,  in A': a blank in place of a value."""
+    trigger = replace(recording.config.trigger, reference="index")
+    other = replace(recording, config=replace(recording.config, trigger=trigger))
+    assert differences({"A": stated(recording), "B": stated(other)}) == {
+        "[trigger] reference": "index in B, nothing in A"
+    }

@@ -55,7 +55,7 @@ def counter_train(channel: Channel, revolutions_per_cycle: int) -> TriggerTrain:
     Refusal : the angle does not turn, or swings to and fro
     """
     quantum = _quantum(channel)
-    time, angle, n_missing, shared = _changes(channel, quantum)
+    time, angle, findings, shared = _changes(channel, quantum)
     back = float(np.mean(np.diff(angle) < 0.0))
     turned = back > 0.5
     if turned:
@@ -79,7 +79,6 @@ def counter_train(channel: Channel, revolutions_per_cycle: int) -> TriggerTrain:
         at, steps.astype(np.int64), none, none.copy(), 0.0, {}, offset_std=quantum / np.sqrt(12.0) / pitch,
         phase_open=revolutions_per_cycle > 1,
     )  # fmt: skip
-    findings = missing_finding(n_missing, channel.where)
     if turned:
         text = "the recorded angle decreases: it is read in the direction of running"
         findings = (*findings, Finding("angle_turned", "info", text, channel.where))
@@ -87,8 +86,8 @@ def counter_train(channel: Channel, revolutions_per_cycle: int) -> TriggerTrain:
     return TriggerTrain(channel, edges, train, n * revolutions_per_cycle, findings)
 
 
-def _changes(channel: Channel, quantum: float) -> tuple[Array, Array, int, float]:
-    """Return time and unwrapped angle in the middle between samples that differ, and how many are no numbers.
+def _changes(channel: Channel, quantum: float) -> tuple[Array, Array, tuple[Finding, ...], float]:
+    """Return time and unwrapped angle in the middle between samples that differ, and what is odd about the samples.
 
     Last comes the share of the middles that have a sample in common with the next one: their errors are not
     independent.
@@ -103,12 +102,23 @@ def _changes(channel: Channel, quantum: float) -> tuple[Array, Array, int, float
         raise Refusal(
             f"{channel.where}: the angle does not change, expected one that turns; check the encoder and its channel"
         )
-    angle = _unwrapped(raw)
+    angle, overflow = _unwrapped(raw, quantum)
+    findings = (*missing_finding(int(np.sum(~known)), channel.where), *_overflow_finding(overflow, quantum, channel))
     angle += COUNT_SHIFT * quantum
     moved = np.flatnonzero(np.diff(angle) != 0.0)
     middle = 0.5 * (position[moved] + position[moved + 1])
     shared = float(np.mean(np.diff(moved) == 1)) if moved.size > 1 else 0.0
-    return sample_times(channel, middle), 0.5 * (angle[moved] + angle[moved + 1]), int(np.sum(~known)), shared
+    return sample_times(channel, middle), 0.5 * (angle[moved] + angle[moved + 1]), findings, shared
+
+
+def _overflow_finding(overflow: float, quantum: float, channel: Channel) -> tuple[Finding, ...]:
+    if not overflow:
+        return ()
+    text = (
+        f"the counter starts again after {overflow / quantum:.0f} counts, {overflow / TURN:.4g} turns, and is taken "
+        "not to have done so before the log began: its zero is at nominal_angle_deg only then"
+    )
+    return (Finding("counter_overflows", "warning", text, channel.where),)
 
 
 def _quantum(channel: Channel) -> float:
@@ -124,14 +134,22 @@ def _quantum(channel: Channel) -> float:
     return quantum if np.median(np.abs(steps / quantum - np.rint(steps / quantum))) < WHOLE else 0.0
 
 
-def _unwrapped(raw: Array) -> Array:
-    """Return an angle without the jumps of a counter that starts again after whole turns."""
+def _unwrapped(raw: Array, quantum: float) -> tuple[Array, float]:
+    """Return an angle without the jumps of a counter that starts again, and after how much it overflows [rad].
+
+    That is 0 where it starts again after whole turns.
+    """
     step, reach = np.diff(raw), float(np.ptp(raw))
     wraps = np.where(np.abs(step) > 0.5 * reach, -np.sign(step), 0.0)
     if not wraps.any() or np.mean(wraps != 0.0) > 0.1:
-        return np.unwrap(raw)
-    whole = TURN * max(1.0, np.round(reach / TURN))
-    return raw + whole * np.r_[0.0, np.cumsum(wraps)]
+        return np.unwrap(raw), 0.0
+    whole, overflow = TURN * max(1.0, np.round(reach / TURN)), 0.0
+    # neither end of the range need be sampled: it is longer than what is seen by a step at most
+    longest = float(np.max(np.abs(step[wraps == 0.0]))) + quantum
+    bits = quantum * 2.0 ** np.round(np.log2(reach / quantum + 1.0)) if quantum else 0.0
+    if abs(whole - reach) > longest and 0.0 < bits - reach <= longest:
+        whole = overflow = float(bits)
+    return raw + whole * np.r_[0.0, np.cumsum(wraps)], overflow
 
 
 def _line_times(time: Array, angle: Array, wanted: Array, coarse: Array, pitch: float) -> tuple[Array, float]:

@@ -13,6 +13,7 @@ from camtorque.ingest.new_recording import new_recording
 from camtorque.ingest.proposal import Proposal, look_into
 from camtorque.jsonable import jsonable
 from camtorque.records import Refusal, printable
+from camtorque.report.files import atomic_file
 from camtorque.units import counted
 
 SCHEMA = "camtorque.new/1"
@@ -28,8 +29,8 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     proposals = look_into(list(dict.fromkeys(arguments.files)))
     new = new_recording(folder, proposals, arguments.like)
     folder.mkdir(parents=True, exist_ok=True)
-    with file.open("x", encoding="utf-8") as stream:
-        stream.write(new.text)
+    with atomic_file(file) as partial:
+        partial.write_text(new.text, encoding="utf-8")
     left = "nothing is unknown"
     if new.unknown:
         named = [f"{name} ({count} times)" if count > 1 else name for name, count in Counter(new.unknown).items()]

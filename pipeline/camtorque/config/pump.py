@@ -80,7 +80,11 @@ class PressureCurve(ReadOnly):
 
     def __post_init__(self) -> None:
         for name in ("theta", "pressure"):  # copies: those of the caller stay his to write
-            object.__setattr__(self, name, np.array(getattr(self, name), dtype=np.float64))
+            try:
+                values = np.array(getattr(self, name), dtype=np.float64)
+            except (TypeError, ValueError):
+                raise Refusal(f"PressureCurve {name}: found no array of numbers, expected rad and Pa") from None
+            object.__setattr__(self, name, values)
         super().__post_init__()
 
 

@@ -228,7 +228,10 @@ def _trigger_problems(trigger: TriggerSpec, quantities: set[str], file: Path) ->
     where, teeth, missing = f"{file} [trigger]", trigger.pulses_per_rev, trigger.missing_teeth
     texts = []
     if missing and missing >= teeth:
-        texts.append(f"{where} missing_teeth: {missing} of {teeth} pulses per revolution are missing")
+        texts.append(
+            f"{where} missing_teeth: {missing} of {teeth} pulses per revolution are missing, expected fewer than "
+            "pulses_per_rev, which counts the missing ones as if present; correct one of them"
+        )
     if missing and trigger.double_tooth:
         texts.append(f"{where} double_tooth: a wheel has missing teeth or a double tooth, not both")
     if trigger.reference == "index" and "index" not in quantities:

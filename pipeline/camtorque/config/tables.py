@@ -101,7 +101,9 @@ def _named_line(text: str, said: str) -> tuple[int, str]:
 
 def no_file(path: Path) -> str:
     """Return what is wrong with a path that is no file, in words."""
-    return "is a folder" if path.is_dir() else "is a pipe or a device" if path.exists() else "no such file"
+    if path.exists():
+        return "is a folder" if path.is_dir() else "is a pipe or a device"
+    return "is a symbolic link that leads nowhere" if path.is_symlink() else "no such file"
 
 
 def what_is_beside(path: Path, *, toml: bool = False) -> str:

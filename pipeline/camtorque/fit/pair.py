@@ -17,6 +17,7 @@ from camtorque.fit.minima import Candidate
 from camtorque.fit.prepare import INDEPENDENT, binned_at_centres, on_grid
 from camtorque.fit.problem import FitData, build_problem
 from camtorque.fit.residual import mean_square_about
+from camtorque.fit.rig_rows import zero_rows
 from camtorque.fit.single import Prepared
 from camtorque.fit.solver import lift_at
 from camtorque.laws import ripple
@@ -81,7 +82,8 @@ class TwoRecordings(ReadOnly):
     @property
     def own(self) -> dict[str, float]:
         """Parameters of which each recording has its own, with how far they differ [SI]."""
-        wide = dict(zip(self.names, np.sqrt(2.0) * self.priors[1], strict=True))
+        # one may have readings at standstill, the other none: each moves by what its own sheet leaves open
+        wide = dict(zip(self.names, np.hypot(*(self._priors_of(item)[1] for item in self.items)), strict=True))
         wide["torque_zero"] = np.hypot(wide["torque_zero"], ZERO_DRIFT * np.max(np.abs(self.items[0].torque)))
         edges = [np.nan_to_num(c.trigger_jitter_s) * c.mean_speed for c in self.cycles]
         start = self.start_error
@@ -104,13 +106,17 @@ class TwoRecordings(ReadOnly):
     @property
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds of the free parameters [SI]."""
-        rows = [self.items[0].rows[name] for name in self.names]
-        return np.array([row.lower for row in rows]), np.array([row.upper for row in rows])
+        rows = [[item.rows[name] for item in self.items] for name in self.names]
+        lower = [min(row.lower for row in both) for both in rows]
+        return np.array(lower), np.array([max(row.upper for row in both) for both in rows])
 
     @property
     def priors(self) -> tuple[Array, Array]:
         """Means and standard deviations of the free parameters; as wide as the bounds where nothing is known."""
-        rows = [self.items[0].rows[name] for name in self.names]
+        return self._priors_of(self.items[0])
+
+    def _priors_of(self, item: FitData) -> tuple[Array, Array]:
+        rows = [item.rows[name] for name in self.names]
         pairs = [row.prior or (0.5 * (row.lower + row.upper), row.upper - row.lower) for row in rows]
         return np.array([pair[0] for pair in pairs]), np.array([pair[1] for pair in pairs])
 
@@ -224,7 +230,8 @@ def _item(side: Prepared, data: FitData, lost: Array) -> FitData:
         shaft_torque=on_grid(torque, n) + lost, deviation=deviation,
         trigger_angle=side.recording.config.trigger.nominal_angle,
     )  # fmt: skip
-    return replace(data, name=side.recording.config.id, chain=chain, torque=binned_at_centres(torque))
+    rows = {**data.rows, **zero_rows(side.recording, cycles)}
+    return replace(data, name=side.recording.config.id, chain=chain, torque=binned_at_centres(torque), rows=rows)
 
 
 def _mean_torque(side: Prepared) -> Array:

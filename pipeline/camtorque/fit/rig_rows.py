@@ -15,7 +15,7 @@ from camtorque.laws.rows import ParameterRow
 from camtorque.laws.sensor import BUTTERWORTH, LEAST_DAMPING, MOST_DAMPING, STEEP
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.mounting import assumed_roller
-from camtorque.records import Array, CamCycles, SensorCalibration
+from camtorque.records import Array, CamCycles, Recording, SensorCalibration
 
 STATED = "stated in recording.toml"
 LOAD_SHARE = 0.1
@@ -71,6 +71,16 @@ def rig_rows(
     _set_stated(rows, config)
     _set_gallery(rows, cycles)
     return rows
+
+
+def zero_rows(recording: Recording, cycles: CamCycles) -> dict[str, ParameterRow]:
+    """Return the rows of the zeros: each recording has readings of its own, or none."""
+    rows = dict(ROWS)
+    torque, pressure = recording.of("torque")[0].calibration, recording.of("pressure")[0].calibration
+    assert torque is not None
+    assert pressure is not None
+    _set_measured(rows, torque, pressure, cycles)
+    return {name: rows[name] for name in ("torque_zero", "pressure_zero")}
 
 
 def _set_measured(

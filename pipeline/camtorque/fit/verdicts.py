@@ -12,7 +12,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camtorque.fit.changes import ALWAYS, CHANGES, TOLD, Attribution, EventSetPosterior, mixture, two_ln_odds
+from camtorque.fit.changes import (
+    ALWAYS,
+    CHANGES,
+    TOLD,
+    Attribution,
+    EventSetPosterior,
+    basis_of,
+    mixture,
+    two_ln_odds,
+)
 from camtorque.fit.derived import work_at
 from camtorque.fit.pair import TwoRecordings
 from camtorque.fit.uncertainty import COVERAGE
@@ -105,10 +114,10 @@ def parameter_differences(pair: TwoRecordings, found: Attribution) -> tuple[Diff
     return tuple(result)
 
 
-def common_attributions(found: Sequence[Attribution]) -> tuple[Attribution, ...]:
+def common_attributions(found: Sequence[Attribution], pairs: Sequence[TwoRecordings]) -> tuple[Attribution, ...]:
     """Return the attributions of several pairs of one pump when the same events are behind all of them."""
     every = dict.fromkeys(item.groups for one in found for item in one.hypotheses)
-    each = [{groups: _within(one.hypotheses, groups) for groups in every} for one in found]
+    each = [{groups: _within(*one, groups) for groups in every} for one in zip(found, pairs, strict=True)]
     score = {g: sum(one[g].two_ln_evidence for one in each) - (len(each) - 1) * two_ln_odds(g) for g in every}
     order = sorted(every, key=lambda groups: (-score[groups], groups))
     evidence = np.array([score[groups] for groups in order])
@@ -120,16 +129,26 @@ def common_attributions(found: Sequence[Attribution]) -> tuple[Attribution, ...]
     return tuple(result)
 
 
-def _within(hypotheses: Sequence[EventSetPosterior], groups: tuple[str, ...]) -> EventSetPosterior:
-    """Return a set, or where it was not worth fitting the best of its parts, with the odds of what it adds."""
-    parts = [item for item in hypotheses if set(item.groups) <= set(groups)]
+def _within(found: Attribution, pair: TwoRecordings, groups: tuple[str, ...]) -> EventSetPosterior:
+    """Return a set, or where it was not worth fitting the best of its parts, with the odds of what it adds.
+
+    Of what it adds the pair says nothing: that is as unsure as beforehand, not known to be zero.
+    """
+    parts = [item for item in found.hypotheses if set(item.groups) <= set(groups)]
+
+    def added(item: EventSetPosterior) -> list[str]:
+        return [name for name in groups if name not in item.groups]
 
     def score(item: EventSetPosterior) -> float:
-        return item.two_ln_evidence + two_ln_odds([name for name in groups if name not in item.groups])
+        return item.two_ln_evidence + two_ln_odds(added(item))
 
     exact = [item for item in parts if item.groups == groups]
     best = exact[0] if exact else max(parts, key=score)
-    return replace(best, groups=groups, two_ln_evidence=score(best))
+    basis = basis_of(pair, found.state.before, added(best))
+    rows = [pair.names.index(name) for name in found.names]
+    open_ones = basis.columns[rows][:, [bool(group) for group, _ in basis.labels]]
+    covariance = best.covariance + open_ones @ open_ones.T
+    return replace(best, groups=groups, two_ln_evidence=score(best), covariance=covariance)
 
 
 def pooled(rows: Sequence[Difference]) -> Difference:

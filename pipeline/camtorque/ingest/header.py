@@ -9,7 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from camtorque.records import Refusal
-from camtorque.units import BORDER_UNITS, is_known_unit, tidy_unit
+from camtorque.units import is_known_unit, tidy_unit, unit_kind
 
 TIME_WORDS = (
     r"time|zeit|uhrzeit|timestamp|time.?stamp|zeitstempel|date.?time|temps|tiempo|x.?(value|axis|achse)|"
@@ -96,7 +96,7 @@ def name_and_unit(field: str) -> tuple[str, str]:
 
 def _divides(name: str, unit: str) -> bool:
     """Tell ``p/bar`` (a quantity over its unit) from ``km/h`` (a unit)."""
-    is_time = BORDER_UNITS[tidy_unit(unit)][0] == "time"
+    is_time = unit_kind(unit) == "time"
     return not is_known_unit(name) and (not is_time or is_time_name(name))
 
 

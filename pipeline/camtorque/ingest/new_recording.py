@@ -16,10 +16,10 @@ from typing import Any
 from camtorque.config.keys import UNKNOWN, Key, TableSchema
 from camtorque.config.quantities import ANGLE_QUANTITIES, CHANNEL_QUANTITIES, SHEET_NEEDED
 from camtorque.config.schemas import RECORDING_FILE, RECORDING_SCHEMA, RECORDING_TABLES
-from camtorque.config.tables import read_toml
+from camtorque.config.tables import Table, read_toml
 from camtorque.hashes import real_path
 from camtorque.ingest.proposal import Proposal
-from camtorque.ingest.wheel import Wheel, angle_wheel, wheel_of
+from camtorque.ingest.wheel import BY_INDEX, Wheel, angle_wheel, wheel_of
 from camtorque.records import Refusal
 from camtorque.units import BORDER_UNITS, unit_factor
 
@@ -30,6 +30,8 @@ MOST_OPEN = 8
 """Channels that nothing names are asked for where torque, pressure or the angle are missing, at most this many."""
 NEEDED = ("torque", "pressure")
 PATHS = ("cam_table", "calibration", "file")
+WHEEL = (("pulses_per_rev", 1), ("missing_teeth", 0), ("double_tooth", False))
+"""Keys of a wheel that its mark or an index shows, and what they are where they are left out."""
 COPIED = ("pump", "trigger", "fluid", "drive")
 ASKED_SCALED = ("accuracy_percent_fs", "group_delay_s", "cutoff_hz", "filter")
 ASKED_BRIDGE = ("zero_mV_per_V", *ASKED_SCALED)
@@ -70,11 +72,7 @@ def new_recording(folder: Path, proposals: list[Proposal], like: Path | None) ->
     writer.line('# Replace every "?"; then: camtorque check')
     writer.table("[recording]", RECORDING_TABLES["recording"], {**_recording(folder, wheel), **known["recording"]})
     writer.table("[pump]", RECORDING_TABLES["pump"], known["pump"])
-    if trigger is None:
-        writer.line("# No channel looks like a trigger: add one to [[channels]], or a cam angle cannot be told.")
-    if wheel is not None and wheel.known_from:
-        writer.line(f"# what follows of the wheel is told by: {wheel.known_from}")
-    writer.table("[trigger]", RECORDING_TABLES["trigger"], {**_wheel(trigger, wheel, named), **known["trigger"]})
+    _write_trigger(writer, known, trigger, wheel, named)
     for quantity, item in _sensed(used, named).items():
         _sensor(writer, quantity, item, known["sensors"].get(quantity))
     loggers = {path: f"LOG{number}" for number, path in enumerate(dict.fromkeys(item.path for item in used), start=1)}
@@ -90,6 +88,21 @@ def new_recording(folder: Path, proposals: list[Proposal], like: Path | None) ->
             f"# not used: {item.path.name!a}, {item.channel.group!a}, {item.channel.name!a}, {item.channel.unit!a}"
         )
     return NewRecording("\n".join(writer.lines) + "\n", tuple(writer.unknown))
+
+
+def _write_trigger(
+    writer: Writer, known: Mapping[str, dict[str, Any]], trigger: Proposal | None, wheel: Wheel | None, named: set[str]
+) -> None:
+    """Add the table of what tells the cam angle."""
+    if trigger is None:
+        writer.line("# No channel looks like a trigger: add one to [[channels]], or a cam angle cannot be told.")
+    if wheel is not None and wheel.known_from:
+        writer.line(f"# what follows of the wheel is told by: {wheel.known_from}")
+    taken = known["trigger"]
+    if taken and _is_other_wheel(known, wheel, named):
+        writer.line("# the cam angle of the other recording is told otherwise: its [trigger] is not taken over")
+        taken = {}
+    writer.table("[trigger]", RECORDING_TABLES["trigger"], {**_wheel(trigger, wheel, named), **taken})
 
 
 def _notes(item: Proposal) -> Iterator[str]:
@@ -110,6 +123,15 @@ def _wheel_of(trigger: Proposal, proposals: list[Proposal]) -> Wheel | None:
         return angle_wheel(trigger.channel, unit_factor(trigger.unit, "angle", "angle")) if known else None
     load = mates.get("torque") or mates.get("pressure")
     return wheel_of(trigger.channel, trigger.sensor or "digital", mates.get("index"), load)
+
+
+def _is_other_wheel(known: Mapping[str, dict[str, Any]], wheel: Wheel | None, named: set[str]) -> bool:
+    """Tell whether logs show another wheel or sensor than the other recording: its angle is of another edge then."""
+    sources = named & set(ANGLE_QUANTITIES)
+    if sources and known["angles"] and sources != set(known["angles"]):
+        return True
+    marked = wheel is not None and (wheel.missing_teeth or wheel.double_tooth or wheel.known_from == BY_INDEX)
+    return bool(marked) and any(known["trigger"].get(name, usual) != getattr(wheel, name) for name, usual in WHEEL)
 
 
 def _sensed(used: list[Proposal], named: set[str]) -> dict[str, Proposal]:
@@ -178,16 +200,21 @@ def toml_value(value: Any) -> str:
 
 def _known_of(like: Path | None, folder: Path) -> dict[str, dict[str, Any]]:
     """Return the tables of another recording or pump file, paths turned to the new folder."""
-    empty: dict[str, dict[str, Any]] = {name: {} for name in ("recording", "sensors", *COPIED)}
+    empty: dict[str, dict[str, Any]] = {name: {} for name in ("recording", "sensors", "angles", *COPIED)}
     if like is None:
         return empty
     file = like / RECORDING_FILE if like.is_dir() else like
     _, values = read_toml(file, "expected a recording or a pump file whose pump and sensors are taken over")
-    tables = {name: dict(values.get(name, {})) for name in empty}
+    root = Table(values, file, "")
+    tables = {name: dict(root.table(name, optional=True).values) for name in empty}
+    tables["sensors"] = {name: dict(root.table("sensors").table(name).values) for name in tables["sensors"]}
+    quantities = [channel.values.get("quantity") for channel in root.tables("channels")] if "channels" in values else []
+    tables["angles"] = {name: True for name in ANGLE_QUANTITIES if name in quantities}
     of_rig = ("pump_id", "rotation")
     tables["recording"] = {name: tables["recording"][name] for name in of_rig if name in tables["recording"]}
-    for name in ("id", "note") if "recording" not in values else ():
-        tables["pump"].pop(name, None)
+    if "recording" not in values:  # a pump file, whose id is the name of the pump
+        tables["pump"].pop("note", None)
+        tables["recording"] |= {"pump_id": tables["pump"].pop("id")} if "id" in tables["pump"] else {}
     for table in (tables["pump"], *tables["sensors"].values()):
         for name in PATHS:
             if isinstance(table.get(name), str):

@@ -17,7 +17,7 @@ from camtorque.ingest.raw import FileChannel
 from camtorque.ingest.sensitivity import SUPPLIES
 from camtorque.ingest.wheel import LEAST_PULSES, LOOKED_AT
 from camtorque.records import Array, Refusal
-from camtorque.units import BORDER_UNITS, absolute_unit, is_known_unit, tidy_unit
+from camtorque.units import absolute_unit, is_known_unit, tidy_unit, unit_kind
 
 NAMES: tuple[tuple[str, str], ...] = (
     ("index", r"index|marker|null.?impuls|\bz.?(track|spur)\b|(enc\w*|track|spur)[ _.-]?[zn]\b|tdc|\bot\b"),
@@ -182,7 +182,7 @@ def _is_surely_pulses(item: Proposal) -> bool:
 def _dropped(item: Proposal) -> Proposal:
     """Return a channel without its quantity, where another channel is more likely."""
     unit = tidy_unit(item.channel.unit or _unit_in(item.channel.name))
-    return replace(item, quantity="", unit=unit if unit in BORDER_UNITS else "", sensor="")
+    return replace(item, quantity="", unit=unit if is_known_unit(unit) else "", sensor="")
 
 
 def _proposal(path: Path, name: str, channel: FileChannel, hint: str) -> Proposal:
@@ -193,7 +193,7 @@ def _proposal(path: Path, name: str, channel: FileChannel, hint: str) -> Proposa
     unit = base or tidy_unit(channel.unit or _unit_in(channel.name))
     quantity = _quantity(channel.name, hint, unit, good) if good.size and high > low else ""
     pulses = bool(quantity) and CHANNEL_QUANTITIES[quantity].is_pulse
-    known = unit if unit in BORDER_UNITS else "V" if pulses else ""
+    known = unit if is_known_unit(unit) else "V" if pulses else ""
     coil = "inductive" if quantity == "trigger" and not is_pulse_train(good) else ""
     levels = level_share(good) if pulses else 0.0
     beats = (_half_waves(good) / 2.0 if coil else pulse_count(good)) if quantity == "trigger" else 0.0
@@ -209,7 +209,7 @@ def _unit_in(name: str) -> str:
 
 def _quantity(name: str, hint: str, unit: str, values: Array) -> str:
     """Return what a channel seems to be by its unit, its name (or that of a file for itself) and its samples."""
-    dimension = BORDER_UNITS.get(unit, ("", 1.0))[0]
+    dimension = unit_kind(unit)
     named = _named(name) or _named(hint)
     if dimension in BY_DIMENSION:
         allowed = BY_DIMENSION[dimension]
@@ -231,7 +231,7 @@ def _named(name: str) -> str:
 
 def _certainty(item: Proposal) -> float:
     """Return how sure a proposal is: a unit of the quantity tells more than a name."""
-    is_scaled = BORDER_UNITS.get(item.unit, (SENSED[0], 1.0))[0] not in SENSED
+    is_scaled = (unit_kind(item.unit) or SENSED[0]) not in SENSED
     return 1 + 2 * is_scaled + (_named(item.channel.name) == item.quantity) + 0.5 * item.levels
 
 

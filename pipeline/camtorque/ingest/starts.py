@@ -40,7 +40,12 @@ def time_findings(
     config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel], channels: Sequence[Channel]
 ) -> list[Finding]:
     """Tell logs of other times, starts that nothing states, and ends apart on one clock."""
-    return [*_ends(config, channels), *_apart(config, raw), *_without_date(config, raw), *_together(config, channels)]
+    return [
+        *_ends(config, channels),
+        *_apart(config, raw),
+        *_without_date(config, raw),
+        *_together(config, raw, channels),
+    ]
 
 
 def _apart(config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel]) -> list[Finding]:
@@ -80,14 +85,22 @@ def _without_date(config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel]
     return findings
 
 
-def _together(config: RecordingConfig, channels: Sequence[Channel]) -> list[Finding]:
-    """Tell loggers with starts of their own on a common clock of which nothing says that one began later."""
+def _together(
+    config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel], channels: Sequence[Channel]
+) -> list[Finding]:
+    """Tell loggers on a common clock that begin at 0 s where neither a date nor recording.toml states any start."""
     synchronised = {logger.id for logger in config.loggers if logger.clock == "synchronised"}
     begun = {channel.logger: channel.start_time for channel in channels if channel.logger in synchronised}
-    if len(begun) < 2 or any(begun.values()):
+    at_zero = sorted(name for name, start in begun.items() if start == 0.0)
+    stated = any(channel.stamp is not None or spec.start_time is not None for spec, channel in raw.items())
+    if len(begun) < 2 or not at_zero or stated:
         return []
+    others = [f"{name} at {begun[name]:.6g} s" for name in sorted(begun) if name not in at_zero]
     text = (
-        f"{', '.join(sorted(begun))} are synchronised and all begin at 0 s; if one began later, say start_time_s of "
+        f"{', '.join(at_zero)} begin at 0 s, {', '.join(others)}, on one clock: if these do not count from one moment, "
+        "say start_time_s of their channels"
+        if others
+        else f"{', '.join(at_zero)} are synchronised and all begin at 0 s; if one began later, say start_time_s of "
         "its channels"
     )
     return [Finding("starts_together", "info", text, config.path.name)]

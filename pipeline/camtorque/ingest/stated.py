@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from hashlib import sha256
+from math import isnan
 from typing import Any
 
 from camtorque.config.keys import Key
@@ -39,12 +40,15 @@ def stated(recording: Recording) -> dict[str, str]:
         sheets = [channel.calibration for channel in recording.of(quantity) if channel.calibration is not None]
         for sheet in sheets[:1]:
             values = {f"gain [{unit}/V]": sheet.gain, "delay [s]": sheet.delay, "cut-off [Hz]": sheet.cutoff_hz}
-            found |= {f"{quantity} sensor, {what}": f"{value:.{DIGITS}g}" for what, value in values.items()}
+            texts = {what: "nothing" if isnan(value) else f"{value:.{DIGITS}g}" for what, value in values.items()}
+            found |= {f"{quantity} sensor, {what}": text for what, text in texts.items()}
+            if sheet.gain == 1.0:  # no volt is one newton metre or pascal: the logger has scaled already
+                found[f"{quantity} sensor, gain [{unit}/V]"] = "the logger's"
     return found
 
 
 def _text(key: Key, value: Any) -> str:
-    if value is None:
+    if value is None or value == "":
         return "nothing"
     return f"{key.of_si(value):.{DIGITS}g}" if key.kind == "number" else str(value)
 

@@ -24,6 +24,8 @@ BESIDE = 2
 POINTS = 48
 """Points of a revolution at which torque or pressure is compared with the next one's."""
 
+BY_INDEX = "the index"
+
 
 @dataclass(frozen=True)
 class Wheel:
@@ -115,8 +117,8 @@ def _by_index(wheel: Wheel, times: Array, marks: Array) -> Wheel:
     if wheel.missing_teeth or wheel.double_tooth:
         shown = wheel.pulses_per_rev - wheel.missing_teeth + int(wheel.double_tooth)
         turns = max(1, round(count / shown))
-        return replace(wheel, speed=speed, revolutions_per_cycle=turns, known_from="the index")
-    return Wheel(speed, max(count, 1), known_from="the index")
+        return replace(wheel, speed=speed, revolutions_per_cycle=turns, known_from=BY_INDEX)
+    return Wheel(speed, max(count, 1), known_from=BY_INDEX)
 
 
 def _revolutions(load: FileChannel, turns: Array) -> Array:
