@@ -503,3 +503,17 @@ def test_damage_is_counted_over_the_samples_of_a_cycle_and_no_others(compiled: b
     found = damage_of_each(volts, ends, (-8.0, 8.0), compiled)
     assert [row[0] for row in found] == [1, 4, 0]
     assert [row[-1] for row in found] == [3, 10, 1]
+
+
+@pytest.mark.parametrize(("share", "told"), [(1.0, False), (0.9, True), (0.6, True)])
+def test_a_top_that_an_amplifier_cuts_off_before_the_logger_is_told(share: float, told: bool) -> None:
+    """The logger's noise comes after the cut, so that no two samples are equal."""
+    noise = 2.0e-3 * np.random.default_rng(3).standard_normal(1 << 20)
+    whole = make(RIG).of("torque")[0].source.values
+    limit = share * float(np.max(whole))
+    cycles = align(edited("torque", lambda volts: np.minimum(volts, limit) + noise[: volts.size]))
+    found = [item for item in cycles.findings if item.code == "torque_flat_top"]
+    assert bool(found) == told
+    if told:
+        level = float(np.max(np.mean(cycles.torque, axis=0)))
+        assert f"stays at {level:.1f}"[:-2] in found[0].text

@@ -22,7 +22,7 @@ from camtorque.align.hum import hum_findings, idle_points
 from camtorque.align.lags import settle_lags
 from camtorque.align.options import AlignOptions
 from camtorque.align.polarity import check_quantities
-from camtorque.align.quality import CycleTable, apply_cuts, changed_running, refuse_jitter
+from camtorque.align.quality import CycleTable, apply_cuts, changed_running, flat_top_findings, refuse_jitter
 from camtorque.align.summary import alignment_details
 from camtorque.align.timebase import TimeBase, settled_phase, silence_findings, time_base
 from camtorque.records import Array, CamCycles, CutFlowRow, Estimate, Finding, Integers, Mask, Recording, Refusal
@@ -68,7 +68,8 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     silent = silence_findings(base, channels.main)
     base = replace(base, findings=(*base.findings, *silent, *findings, *running, *untied))
     found = _cam_cycles(recording, table, used, cut_flow, {**aligned, **others}, base, angle, lags.wander)
-    return _at_rest(recording, replace(found, findings=(*found.findings, *_rare(found))))
+    cut_off = flat_top_findings(found.mean_torque) if found.torque is not None else ()
+    return _at_rest(recording, replace(found, findings=(*found.findings, *_rare(found), *cut_off)))
 
 
 def _no_turn(recording: Recording, base: TimeBase) -> Refusal:

@@ -52,6 +52,14 @@ ALTERNATES = Threshold(
     -0.25, "1", "statistics",
     "Correlation of neighbouring periods: -0.5 for edges that jitter independently, near +1 for a speed that changes."
 )  # fmt: skip
+TOP = Threshold(
+    0.02, "1", "convention", "Share of its swing below its highest value over which a torque is at its top."
+)
+FLAT_TOP = Threshold(
+    0.7, "1", "simulated rigs",
+    "Share of the top that lies on one level, within a tenth of the top's height, from which it is cut off: 0.8 to 1 "
+    "behind an amplifier at its limit, below 0.45 of 170 sound torques, which bend or ring."
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -235,3 +243,18 @@ def refuse_jitter(table: CycleTable, name: str) -> None:
         f"{alternation:.2f}), which no shaft does; expected edges that repeat; check gap, mounting and shielding of "
         "the pick-up and the declared edge, or record a tooth wheel"
     )
+
+
+def flat_top_findings(mean: Array) -> tuple[Finding, ...]:
+    """Tell a mean torque (n,) [N m] whose top is cut off before the logger: noise after it leaves no equal samples."""
+    height = TOP * float(np.ptp(mean))
+    top = mean[mean > np.max(mean) - height]
+    level = float(np.median(top))
+    if not height or np.mean(np.abs(top - level) < 0.1 * height) < FLAT_TOP:
+        return ()
+    text = (
+        f"the torque stays at {level:.4g} N m over {360.0 * top.size / mean.size:.2g} degrees where it is highest, "
+        "expected a top that bends: an amplifier or the range of the transducer's output cuts it off; widen the range "
+        "and record again, since peak, work and all that is fitted rest on what is missing"
+    )
+    return (Finding("torque_flat_top", "warning", text, "torque"),)
