@@ -130,10 +130,9 @@ def read_schema(file: Path, schema: str, expected: str) -> tuple[str, Table]:
     """Return the text and the whole of a TOML file, which has to be of a schema; ``expected`` as for `read_toml`."""
     text, values = read_toml(file, expected)
     if (found := values.get("schema")) != schema:
-        kind = OTHER_SCHEMA.fullmatch(str(found)[:80])
-        other = kind and kind[1] != schema.partition("/")[0]
-        write = f'write schema = "{schema}" at the top'
-        ask = "this is a file of another kind: name one with that schema" if other else write
+        other = (kind := OTHER_SCHEMA.fullmatch(str(found)[:80])) and kind[1] != schema.partition("/")[0]
+        anew = f'write schema = "{schema}" at the top'
+        ask = "this is a file of another kind: name one with that schema" if other else anew
         said = "is missing" if found is None else f"is {found!r:.80}"
         raise Refusal(f"{file}: schema {said}, expected {schema!r}; {ask}")
     return text, Table(values, file, "")
@@ -143,8 +142,7 @@ def _text(file: Path, expected: str) -> str:
     try:
         if not file.is_file():
             raise Refusal(f"{file}: {no_file(file)}; {expected}{what_is_beside(file, toml=True)}")
-        size = file.stat().st_size
-        if size > LARGEST_FILE:
+        if (size := file.stat().st_size) > LARGEST_FILE:
             raise Refusal(f"{file}: has {size} bytes, a TOML file of a bench has at most {LARGEST_FILE}; {expected}")
         return file.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as error:
