@@ -754,6 +754,6 @@ def test_several_speeds_tell_damping_from_other_losses(prepared, solved, kept, n
         items.append(replace(one, torque=one.torque - (1.0 - kept) * columns @ list(losses.values())))
     moved = build_problem(items)
     fit = joint_fit_of(prepared, moved, solve_many(moved, moved.start, 25))
-    rows = {row.name: row for row in joint_evidence(fit, np.full(len(prepared), 0.03))}
+    rows = {row.name: row for row in joint_evidence(fit, np.full(len(prepared), 0.03), True)}
     assert rows["friction"].verdict == "needed"
     assert (rows["damping"].verdict == "needed") == needed, rows["damping"]

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from camtorque.fit.arrow import Arrow, ArrowCovariance, arrow_inverse
-from camtorque.fit.evidence import Weighed, evidence_of, prior_of, small_torque
+from camtorque.fit.evidence import Weighed, evidence_of, prior_of, small_torque, where_unexplained
 from camtorque.fit.joint_input import JointInput
 from camtorque.fit.joint_solver import JointSolution, solve_many
 from camtorque.fit.kinds import ARM, OtherKind, from_log_odds, other_kind
@@ -137,7 +137,7 @@ def joint_recording(fit: JointFit, index: int, item: JointInput) -> JointRecordi
     return JointRecording(own, problem.data[index].structure, found, explained)
 
 
-def joint_evidence(fit: JointFit, odd_even: Array) -> tuple[LossEvidence, ...]:
+def joint_evidence(fit: JointFit, odd_even: Array, explained: bool) -> tuple[LossEvidence, ...]:
     """Return which of friction and damping a pump needs, by what all its recordings tell together.
 
     At one speed viscous drag of the shaft is a constant like any other; several tell it from the rest. Both act on the
@@ -146,6 +146,7 @@ def joint_evidence(fit: JointFit, odd_even: Array) -> tuple[LossEvidence, ...]:
     Parameters
     ----------
     odd_even : (n,) scatter of each recording's cycles [N m]
+    explained : whether the fit explains all recordings
     """
     problem, solution, cov = fit.problem, fit.solution, fit.covariance
     shared = cov.arrow.shared
@@ -159,7 +160,8 @@ def joint_evidence(fit: JointFit, odd_even: Array) -> tuple[LossEvidence, ...]:
     outputs = tuple(with_slopes(problem, solution.z, k)[0] for k in range(len(problem.data)))
     known = Gaussian(mean[shared], cov.arrow.matrix, *bounds)
     names = tuple(problem.parameters[k].row.name for k in shared)
-    return evidence_of(Weighed(names, solution.z[shared], known, before, outputs, small), APART)
+    found = evidence_of(Weighed(names, solution.z[shared], known, before, outputs, small), APART)
+    return found if explained else where_unexplained(found)
 
 
 def with_likelier_pin(problem: Problem, solution: JointSolution, each: Each) -> tuple[Problem, JointSolution]:
