@@ -31,7 +31,7 @@ RIPPLE_SHARE = 0.02
 """Torque that teeth or poles of a drive repeat, over the transducer's nominal torque, where that is a large one's."""
 USUAL_PLUNGER, USUAL_CAM = (0.007, 0.011), (0.015, 0.03)
 """Diameters and base circle radii of the pumps that the literature of the rows speaks of [m]."""
-LARGEST_USUAL_ROLLER = 0.013
+LARGEST_USUAL_ROLLER = 0.015
 """Radius of the largest roller that runs on pins of 2-5 mm radius [m]."""
 USUAL_TWIST, COUPLING_TWIST = 5.0e-3, 15.0e-3
 """Twist of shaft and of an elastic coupling at the peak torque: 2-10 mrad of a steel shaft at 30 MPa [rad]."""
