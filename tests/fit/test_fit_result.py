@@ -13,6 +13,7 @@ from camtorque.fit.derived import carried, derived_estimates, sureness, work_at
 from camtorque.fit.descent import free_at
 from camtorque.fit.findings import (
     fit_findings,
+    frictionless_findings,
     implausible_findings,
     largest_chi_square,
     light_cam_findings,
@@ -345,6 +346,27 @@ def test_what_follows_from_the_shaft_is_known_no_better_than_its_error_says(fit,
     row = derived_estimates(replace(alone, deviation=wider * fit.deviation))[0]
     assert row.stderr == pytest.approx(relative * row.value)
     assert (row.knowledge, row.identifiable) == (known, relative < 1.0)
+
+
+@pytest.mark.parametrize(
+    ("moved", "told"),
+    [({}, True), ({"guide_friction": (0.03, (0.0, 0.05))}, False), ({"pin_arm": (0.0, (0.0, 2.0))}, False)],
+)
+def test_a_pump_in_which_nothing_rubs_under_load_is_told(record, moved, told):
+    """A pressure that reads too much leaves no room for friction: all of it ends at zero, and surely so."""
+    nothing = dict.fromkeys(("bearing_arm", "pin_arm", "guide_friction"), (0.0, (0.0, 0.3))) | moved
+    rows = []
+    for row in record.parameters:
+        value, ci95 = nothing.get(row.name, (None, None))
+        expected = row.prior[0] if row.prior else np.nan
+        rows.append(row if ci95 is None else replace(row, value=value, ci95=tuple(expected * end for end in ci95)))
+    found = frictionless_findings(rows)
+    assert bool(found) == told
+    if told:
+        assert found[0].code == "no_load_friction"
+        assert "the line pressure reads too much or the torque too little" in found[0].text
+    assert frictionless_findings([row for row in rows if row.name != "pin_arm"]) == ()
+    assert all(one.code != "no_load_friction" for one in record.findings)
 
 
 @pytest.mark.parametrize("name", ["cam_side_inertia", "shaft_damping"])

@@ -26,6 +26,9 @@ MOUNTING, EDGE, BEYOND = "trigger_offset", math.sqrt(3.0), 2.0
 """A mounting tolerance is a rectangle whose edge lies at so many standard deviations: what lies so many of its own
 standard uncertainties beyond is told."""
 
+LOADED, NO_FRICTION = ("bearing_arm", "pin_arm", "guide_friction"), 0.02
+"""Frictions that grow with the load, and the share of what is expected of each below which it is none."""
+
 
 def prior_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ...]:
     """Return the nuisances that the data pull far off what was known; for the trigger see `mounting_findings`."""
@@ -107,6 +110,20 @@ def light_cam_findings(parameters: Sequence[ParameterEstimate], cam_inertia: flo
         "and filters of the logger"
     )
     return (Finding("cam_side_too_light", "warning", text, row.name),)
+
+
+def frictionless_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ...]:
+    """Return the finding on a pump in which nothing rubs the more the more it is loaded."""
+    rows = [(row, row.prior[0]) for row in parameters if row.name in LOADED and row.prior is not None]
+    if len(rows) < len(LOADED) or any(row.value > NO_FRICTION * mean or row.ci95[1] > mean for row, mean in rows):
+        return ()
+    most = ", ".join(f"{short(row.ci95[1], 2)} {row.unit}".removesuffix(" -") for row, _ in rows)
+    text = (
+        f"bearings, pin and guide do not rub under load (at most {most}), as in no pump: the line pressure reads "
+        "too much or the torque too little; check the sensitivities and dates of both certificates, and "
+        "plunger_diameter_m"
+    )
+    return (Finding("no_load_friction", "warning", text, "friction"),)
 
 
 def largest_chi_square(degrees: float) -> float:

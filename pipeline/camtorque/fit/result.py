@@ -9,6 +9,7 @@ import numpy as np
 from camtorque.fit.derived import delivered_volume, derived_estimates, sureness
 from camtorque.fit.findings import (
     fit_findings,
+    frictionless_findings,
     implausible_findings,
     light_cam_findings,
     mounting_findings,
@@ -113,7 +114,8 @@ def fitted_torque(
         next_measurement=next_measurement(fit),
         findings=(
             *prior_findings(parameters), *mounting_findings(parameters), *implausible_findings(parameters, explained),
-            *light_cam_findings(parameters, config.pump.cam_inertia), *table_findings(recording.cam_table),
+            *light_cam_findings(parameters, config.pump.cam_inertia), *frictionless_findings(parameters),
+            *table_findings(recording.cam_table),
             *fit_findings(fit, fitted.output.least_guide, lost, None if explained else left),
         ),
         details={**_details(fit, recording, peak), "delivered_volume": delivered}, evidence=fit.evidence,
