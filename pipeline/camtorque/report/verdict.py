@@ -38,6 +38,7 @@ DOUBTFUL = {
     "torque_size_drifts": "a torque whose size drifts beside its pressure",
     "csv_cut_row": "a log that may be cut short",
     "mains_hum": "mains hum that stays in the mean torque",
+    "no_load_friction": "a pump in which nothing rubs under load",
     "not_converged": "a search that ended before its minimum",
 }
 """Warning on what a fit rests on -> how the headline names it; an error is named by its code."""
