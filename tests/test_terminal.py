@@ -140,12 +140,13 @@ def test_a_campaign_names_what_is_unexplained_and_shows_the_peak_of_each_predict
     good, bad = ({**document(explained), "name": name, "id": name, "status": "ok", "speed_rpm": 470.0,
                   "metrics_joint": None} for name, explained in (("A" * 22, True), ("B", False)))  # fmt: skip
     doc = {
-        "recordings": [good, bad], "findings": [],
+        "recordings": [good, bad], "findings": [], "evidence": {"friction": {"verdict": "needed"}},
         "held_out": [{"name": good["id"], "mode": "own_zero_and_end", "metrics": held}],
     }  # fmt: skip
     lines = campaign_table(doc).splitlines()
     assert max(map(len, lines)) <= 80
     assert lines[1].endswith("5.000 %     +40.0 %")
+    assert lines[-2] == "losses    The data need friction."
     assert lines[-1].startswith("UNEXPLAINED: B: the model fails there")
     asked = {**doc, "recordings": [{**good, "verdict": "look"}]}
     assert campaign_table(asked).splitlines()[-1] == f"LOOK CLOSER: {good['name']}: the reports say why"

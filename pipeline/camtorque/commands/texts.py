@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from camtorque.hashes import real_path
-from camtorque.report.answer import estimate_text, work_parts
+from camtorque.report.answer import estimate_text, needs, work_parts
 from camtorque.report.numbers import named, typeset, words
 from camtorque.report.verdict import (
     bump_place,
@@ -97,6 +97,8 @@ def campaign_table(doc: Mapping[str, Any]) -> str:
         high = f"{known_metrics(out).peak_excess_percent:+.1f} %" if out else "-"
         name = f"{row['name']:{wide}}{row['speed_rpm']:8.1f}"
         lines.append(f"{name}{texts[0]:>11}{texts[1]:>9}{texts[2]:>9}{texts[3]:>9}{high:>12}")
+    if said := needs(doc["evidence"]):
+        lines.append(f"losses    {' '.join(said)}")
     if failed := unexplained(doc):
         lines.append(f"UNEXPLAINED: {', '.join(failed)}: the model fails there; the reports say where")
     if look := doubtful(doc):
