@@ -775,3 +775,13 @@ def test_evidence_of_many_recordings_holds_the_chain_of_one_at_a_time(joint, mon
     joint_evidence(joint, np.full(len(SPEEDS), 0.03), True)
     assert len(alive) == len(SPEEDS)
     assert max(alive) <= 1
+
+
+def test_evidence_of_many_recordings_takes_no_matrix_of_all_their_parameters(joint, monkeypatch):
+    """A thousand recordings have four thousand parameters of their own, whose square fills 130 MB."""
+    made, whole = [], np.diag
+    monkeypatch.setattr(np, "diag", lambda values: made.append(np.shape(values)) or whole(values))
+    joint_evidence(joint, np.full(len(SPEEDS), 0.03), True)
+    n_shared = joint.covariance.arrow.shared.size
+    assert joint.problem.size > n_shared
+    assert max(shape for shape in made if len(shape) == 1) == (n_shared,)

@@ -29,7 +29,7 @@ import numpy as np
 
 from camtorque import laws
 from camtorque.fit.descent import Effort, free_at
-from camtorque.fit.problem import Problem, build_problem
+from camtorque.fit.problem import Indices, Problem, build_problem
 from camtorque.fit.solver import Solution, solve
 from camtorque.fit.truncated import Gaussian, log_share_below
 from camtorque.fit.uncertainty import Covariance, inverse, posterior_at, prior_std
@@ -85,11 +85,14 @@ def _ratio(whole: Gaussian, chosen: Array) -> float:
     return quadratic + 2.0 * (whole.within.log_probability - given.within.log_probability)
 
 
-def prior_of(problem: Problem, std: Array) -> Gaussian:
-    """Return what is known beforehand; ``std`` (k,) is finite where nothing is, the mean then that of the bounds."""
-    lower, upper = problem.bounds
-    mean, given = problem.priors
-    return Gaussian(np.where(np.isfinite(given), mean, 0.5 * (lower + upper)), np.diag(std**2), lower, upper)
+def prior_of(problem: Problem, std: Array, chosen: Indices | None = None) -> Gaussian:
+    """Return what is known beforehand; ``std`` (k,) is finite where nothing is, the mean then that of the bounds.
+
+    ``chosen`` are the places of the parameters asked for, all by default.
+    """
+    places = np.arange(std.size) if chosen is None else chosen
+    lower, upper, mean, given = (values[places] for values in (*problem.bounds, *problem.priors))
+    return Gaussian(np.where(np.isfinite(given), mean, 0.5 * (lower + upper)), np.diag(std[places] ** 2), lower, upper)
 
 
 def laplace(problem: Problem, solution: Solution, inflation: float) -> float:

@@ -152,13 +152,12 @@ def joint_evidence(fit: JointFit, odd_even: Array, explained: bool, each: Each =
     problem, solution, cov = fit.problem, fit.solution, fit.covariance
     shared = cov.arrow.shared
     mean = solution.z + cov.arrow.times(solution.gradient / cov.inflation)
-    bounds = [bound[shared] for bound in problem.bounds]
     small = small_torque(
         float(np.sqrt(np.mean(odd_even**2))), float(np.mean([np.mean(item.torque) for item in problem.data]))
     )
-    prior = prior_of(problem, cov.prior_std)
-    before = Gaussian(prior.mean[shared], prior.matrix[np.ix_(shared, shared)], *bounds)
-    known = Gaussian(mean[shared], cov.arrow.matrix, *bounds)
+    # never of all parameters: their matrix grows with the square of the recordings
+    before = prior_of(problem, cov.prior_std, shared)
+    known = Gaussian(mean[shared], cov.arrow.matrix, before.lower, before.upper)
     names = tuple(problem.parameters[k].row.name for k in shared)
     losses = (*APART, EITHER_LOSS)
 
