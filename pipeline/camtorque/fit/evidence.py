@@ -34,6 +34,7 @@ from camtorque.fit.solver import Solution, solve
 from camtorque.fit.truncated import Gaussian, log_share_below
 from camtorque.fit.uncertainty import Covariance, inverse, posterior_at, prior_std
 from camtorque.laws.chain import SHIFT_NAMES, ChainOutput, derivative_by
+from camtorque.laws.rows import ParameterRow
 from camtorque.process.second_process import in_two
 from camtorque.records import APART, EITHER_LOSS, Array, LossEvidence
 
@@ -118,18 +119,23 @@ class Weighed:
 
     Attributes
     ----------
-    names, best : of the parameters that all its recordings share, and their values, (k,) [SI]
+    rows, best : of the parameters that all its recordings share, and their values, (k,) [SI]
     posterior, prior : what is known of them with and without the data
     moves : loss -> mean over its recordings of what `moves_of` returns at the minimum
     small : rms torque below which a loss is small [N m]
     """
 
-    names: tuple[str, ...]
+    rows: tuple[ParameterRow, ...]
     best: Array
     posterior: Gaussian
     prior: Gaussian
     moves: Mapping[str, Array]
     small: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return tuple(row.name for row in self.rows)
 
     def members(self, loss: str) -> tuple[str, ...]:
         """Return the parameters that vanish with a loss."""
@@ -170,7 +176,7 @@ def loss_evidence(problem: Problem, solution: Solution, cov: Covariance, odd_eve
     posterior = posterior_at(problem, solution, cov.matrix, cov.inflation)
     prior = prior_of(problem, cov.prior_std)
     moves = moves_of(solution.output, problem.names, tuple(MEMBERS))
-    fit = Weighed(problem.names, solution.z, posterior, prior, moves, small)
+    fit = Weighed(tuple(one.row for one in problem.parameters), solution.z, posterior, prior, moves, small)
     full = laplace(problem, solution, cov.inflation)
 
     def refitted(left_out: Sequence[tuple[str, ...]]) -> list[float]:
@@ -227,7 +233,8 @@ def _by_part(fit: Weighed, row: LossEvidence, refitted: Refits | None) -> LossEv
     if not factor > NEEDED:
         return row
     size = f"({row.size:.2g} {row.unit} rms; {strength(factor)})"
-    text = f"the data need {row.name} {size}: {laws.ROWS[part].meaning}, whatever the rest of it is"
+    meaning = fit.rows[fit.names.index(part)].meaning
+    text = f"the data need {row.name} {size}: {meaning}, whatever the rest of it is"
     return replace(row, two_ln_bayes_factor=factor, verdict="needed", confirmed_by_refit=bool(refitted), text=text)
 
 

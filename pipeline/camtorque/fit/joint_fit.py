@@ -158,15 +158,15 @@ def joint_evidence(fit: JointFit, odd_even: Array, explained: bool, each: Each =
     # never of all parameters: their matrix grows with the square of the recordings
     before = prior_of(problem, cov.prior_std, shared)
     known = Gaussian(mean[shared], cov.arrow.matrix, before.lower, before.upper)
-    names = tuple(problem.parameters[k].row.name for k in shared)
+    rows = tuple(problem.parameters[k].row for k in shared)
     losses = (*APART, EITHER_LOSS)
 
     def moved(index: int) -> Mapping[str, Array]:
-        return moves_of(with_slopes(problem, solution.z, index)[0], names, losses)
+        return moves_of(with_slopes(problem, solution.z, index)[0], [row.name for row in rows], losses)
 
     every = each(moved, range(len(problem.data)))
     moves = {loss: np.mean([one[loss] for one in every], axis=0) for loss in losses}
-    found = evidence_of(Weighed(names, solution.z[shared], known, before, moves, small), APART)
+    found = evidence_of(Weighed(rows, solution.z[shared], known, before, moves, small), APART)
     return found if explained else where_unexplained(found)
 
 
