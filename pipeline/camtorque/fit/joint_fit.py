@@ -140,8 +140,8 @@ def joint_recording(fit: JointFit, index: int, item: JointInput) -> JointRecordi
 def joint_evidence(fit: JointFit, odd_even: Array, explained: bool, each: Each = in_turn) -> tuple[LossEvidence, ...]:
     """Return which of friction and damping a pump needs, by what all its recordings tell together.
 
-    At one speed viscous drag of the shaft is a constant like any other; several tell it from the rest. Both act on the
-    torque by columns, so that their Gaussian is good enough without a refit.
+    At one speed viscous drag of the shaft is a constant like any other; several tell it from the rest. All but the
+    guide's friction act on the torque by columns, so that their Gaussian is good enough without a refit.
 
     Parameters
     ----------
