@@ -229,13 +229,14 @@ def _by_part(fit: Weighed, row: LossEvidence, refitted: Refits | None) -> LossEv
     factor, part = max(((fit.factor((name,)), name) for name in members), default=(-np.inf, ""))
     if factor <= 0.0:
         return row
-    factor = (refitted([(part,)])[0] if refitted else factor) - 2.0 * math.log(len(members))
+    refit = refitted([(part,)])[0] if refitted else np.nan
+    factor = (factor if np.isnan(refit) else refit) - 2.0 * math.log(len(members))
     if not factor > NEEDED:
         return row
     size = f"({row.size:.2g} {row.unit} rms; {strength(factor)})"
     meaning = fit.rows[fit.names.index(part)].meaning
     text = f"the data need {row.name} {size}: {meaning}, whatever the rest of it is"
-    return replace(row, two_ln_bayes_factor=factor, verdict="needed", confirmed_by_refit=bool(refitted), text=text)
+    return replace(row, two_ln_bayes_factor=factor, verdict="needed", confirmed_by_refit=not np.isnan(refit), text=text)
 
 
 def where_unexplained(evidence: tuple[LossEvidence, ...]) -> tuple[LossEvidence, ...]:
