@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from align_truth import Rig, Samples, Shaft, angle_error_deg, calibration, make, pressure_of, torque_of
 from camtorque.align import AlignOptions, align
-from camtorque.align.quality import CUTS
+from camtorque.align.quality import CUTS, flat_top_findings
 from camtorque.ingest import read_recording
 from camtorque.records import CamCycles, Recording, Refusal
 from camtorque.signal.damage import clipped_samples, clips_below, damage_of, damage_of_each
@@ -517,3 +517,18 @@ def test_a_top_that_an_amplifier_cuts_off_before_the_logger_is_told(share: float
     if told:
         level = float(np.max(np.mean(cycles.torque, axis=0)))
         assert f"stays at {level:.1f}"[:-2] in found[0].text
+
+
+@pytest.mark.parametrize("fall", [20.0, 0.5], ids=["symmetrical", "spilled"])
+@pytest.mark.parametrize("points", [600, 1800, 3600])
+def test_a_sharp_top_on_a_coarse_grid_is_not_cut_off(points: int, fall: float) -> None:
+    """On few points most of a sharp top lie on one level: 'stays at 1 N m over 0.6 degrees where it is highest'."""
+    angle = np.arange(points) * 360.0 / points
+    mean = np.maximum(0.0, 1.0 - np.where(angle < 90.3, (90.3 - angle) / 20.0, (angle - 90.3) / fall))
+    assert flat_top_findings(mean) == ()
+    assert flat_top_findings(np.minimum(mean, 0.5)) != ()
+
+
+@pytest.mark.parametrize("level", [0.0, np.nan])
+def test_a_torque_without_a_top_is_not_cut_off(level: float) -> None:
+    assert flat_top_findings(np.full(360, level)) == ()

@@ -6,12 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from camtorque import laws
 from camtorque.fit import evidence
 from camtorque.fit.descent import Effort
 from camtorque.fit.evidence import (
     LOSSES,
     NEEDED,
     SURELY_NOT,
+    Weighed,
+    evidence_of,
     laplace,
     loss_evidence,
     prior_of,
@@ -267,3 +270,30 @@ def test_damping_is_needed_where_one_part_of_it_is(viscous, verdict):
     assert (row.two_ln_bayes_factor > NEEDED) == (verdict == "needed")
     assert ("viscous drag of plunger and follower" in row.text) == (verdict == "needed")
     assert EITHER_LOSS not in {row.name for row in rows}
+
+
+def one_part_needed() -> Weighed:
+    """Return a foot's friction of which the crown's part is known to be there, and the bearing's not to be."""
+    crown = replace(laws.ROWS["pin_arm"], meaning="friction coefficient times radius of the foot's crown")
+    rows = (laws.ROWS["bearing_arm"], crown)
+    usual = np.array([1e-4, 1e-4])
+    box = np.full(2, -1.0), np.full(2, 1.0)
+    known = Gaussian(np.array([0.0, 5e-5]), np.diag((usual * [1e-4, 0.1]) ** 2), *box)
+    before = Gaussian(np.zeros(2), np.diag(usual**2), *box)
+    return Weighed(rows, known.mean, known, before, dict.fromkeys(("friction", EITHER_LOSS), np.eye(2)), 1.0)
+
+
+def test_a_foot_that_slides_is_not_said_to_have_a_pin():
+    """The part of friction that the data need is named as the rows of this bench name it."""
+    (row,) = evidence_of(one_part_needed(), ["friction"])
+    assert row.verdict == "needed"
+    assert "radius of the foot's crown, whatever the rest of it is" in row.text
+
+
+@pytest.mark.parametrize(("refit", "verdict"), [(np.nan, "needed"), (3.0, "cannot tell"), (20.0, "needed")])
+def test_a_part_without_which_the_model_overflows_is_needed(refit, verdict):
+    """As a whole loss is: without it the model is far from the data, which was taken for not knowing."""
+    rows = evidence_of(one_part_needed(), ["friction"], lambda left_out: [refit] * len(left_out))
+    row = next(row for row in rows if row.name == "friction")
+    assert row.verdict == verdict
+    assert row.confirmed_by_refit == (not np.isnan(refit))

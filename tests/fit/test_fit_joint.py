@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import pickle
+import weakref
 from dataclasses import replace
 from itertools import permutations
 from types import SimpleNamespace
@@ -11,6 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from camtorque.fit import joint as joint_room
+from camtorque.fit import joint_fit as joint_fit_room
 from camtorque.fit import leftout as leftout_room
 from camtorque.fit.arrow import Arrow, ArrowCovariance, arrow_inverse
 from camtorque.fit.drift import (
@@ -757,3 +759,29 @@ def test_several_speeds_tell_damping_from_other_losses(prepared, solved, kept, n
     rows = {row.name: row for row in joint_evidence(fit, np.full(len(prepared), 0.03), True)}
     assert rows["friction"].verdict == "needed"
     assert (rows["damping"].verdict == "needed") == needed, rows["damping"]
+
+
+def test_evidence_of_many_recordings_holds_the_chain_of_one_at_a_time(joint, monkeypatch):
+    """Two megabytes each: a thousand of them filled gigabytes."""
+    held, alive = [], []
+
+    def watched(*arguments):
+        output, columns = with_slopes(*arguments)
+        alive.append(sum(one() is not None for one in held))
+        held.append(weakref.ref(output))
+        return output, columns
+
+    monkeypatch.setattr(joint_fit_room, "with_slopes", watched)
+    joint_evidence(joint, np.full(len(SPEEDS), 0.03), True)
+    assert len(alive) == len(SPEEDS)
+    assert max(alive) <= 1
+
+
+def test_evidence_of_many_recordings_takes_no_matrix_of_all_their_parameters(joint, monkeypatch):
+    """A thousand recordings have four thousand parameters of their own, whose square fills 130 MB."""
+    made, whole = [], np.diag
+    monkeypatch.setattr(np, "diag", lambda values: made.append(np.shape(values)) or whole(values))
+    joint_evidence(joint, np.full(len(SPEEDS), 0.03), True)
+    n_shared = joint.covariance.arrow.shared.size
+    assert joint.problem.size > n_shared
+    assert max(shape for shape in made if len(shape) == 1) == (n_shared,)

@@ -280,6 +280,23 @@ def test_a_pump_file_names_its_pump(tmp_path: Path):
     assert "pump_id" not in new.unknown
 
 
+def test_a_pump_file_without_a_name_leaves_it_to_be_asked_for(tmp_path: Path):
+    (tmp_path / "pump.toml").write_text('[pump]\nid = ""\n')
+    proposals = look_into([EXAMPLES / "A_1250rpm" / "A_1250rpm_all.csv"])
+    assert "pump_id" in new_recording(tmp_path, proposals, tmp_path / "pump.toml").unknown
+
+
+def test_a_link_in_the_place_of_a_first_recording_is_not_overwritten(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    """Its recording.toml may be on a disk that is not mounted."""
+    log = shutil.copy(EXAMPLES / "A_1250rpm" / "A_1250rpm_all.csv", tmp_path)
+    (tmp_path / "recording.toml").symlink_to(tmp_path / "elsewhere" / "recording.toml")
+    assert cli.main(["new", str(log)]) == 2
+    assert "is there already and is not overwritten" in capsys.readouterr().err
+    assert (tmp_path / "recording.toml").is_symlink()
+
+
 def test_a_wheel_without_a_tooth_is_told_what_its_keys_count(tmp_path: Path):
     folder = write_folder(tmp_path / "r", [clean_log(revolutions=5.0)], PLANS["csv"])
     sheet = folder / "recording.toml"

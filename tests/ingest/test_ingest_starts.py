@@ -97,6 +97,9 @@ def test_one_log_that_begins_later_by_its_times_alone_is_told(tmp_path: Path):
         "PRESSURE, TRIGGER begin at 0 s, TORQUE at 0.055 s, on one clock: if these do not count from"
     )
     assert "say start_time_s" in text
+    channels = [replace(c, start_time=0.055 * (c.quantity != "torque")) for c in recording.channels]
+    (text,) = [item.text for item in time_findings(recording.config, {}, channels) if item.code == "starts_together"]
+    assert text.startswith("TORQUE begins at 0 s, PRESSURE at 0.055 s, TRIGGER at 0.055 s, on one clock: ")
 
 
 def test_logs_of_one_clock_or_of_clocks_of_their_own_begin_where_they_say(tmp_path: Path):

@@ -65,8 +65,19 @@ def test_values_that_a_logger_has_scaled_state_no_gain_of_one(recording: Recordi
     torque = recording.of("torque")[0]
     scaled = replace(torque, calibration=replace(torque.calibration, gain=1.0))  # type: ignore[type-var]
     channels = tuple(scaled if c is torque else c for c in recording.channels)
-    found = differences({"A": stated(recording), "B": stated(replace(recording, channels=channels))})
+    specs = tuple(replace(s, unit="N m") if s.quantity == "torque" else s for s in recording.config.channels)
+    other = replace(recording, channels=channels, config=replace(recording.config, channels=specs))
+    found = differences({"A": stated(recording), "B": stated(other)})
     assert found["torque sensor, gain [N m/V]"].startswith("the logger's in B, ")
+
+
+def test_a_transducer_of_ten_newton_metres_at_ten_volts_has_a_gain_of_one(recording: Recording) -> None:
+    """Its volts were said to be 'the logger's'."""
+    torque = recording.of("torque")[0]
+    small = replace(torque, calibration=replace(torque.calibration, gain=1.0))  # type: ignore[type-var]
+    channels = tuple(small if c is torque else c for c in recording.channels)
+    found = differences({"A": stated(recording), "B": stated(replace(recording, channels=channels))})
+    assert found["torque sensor, gain [N m/V]"].startswith("1 in B, ")
 
 
 def test_a_low_pass_that_one_sheet_leaves_out_is_nothing_there(recording: Recording) -> None:

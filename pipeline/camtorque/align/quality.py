@@ -61,6 +61,12 @@ FLAT_TOP = Threshold(
     "behind an amplifier at its limit, below 0.45 of 170 sound torques, which bend or ring."
 )  # fmt: skip
 
+TOP_POINTS = Count(
+    8, "points", "statistics",
+    "Points of the angle grid that a top has to hold: of fewer, as of a peak before a spill on a coarse grid, most lie "
+    "on one level by themselves."
+)  # fmt: skip
+
 
 @dataclass(frozen=True)
 class CycleTable:
@@ -249,8 +255,10 @@ def flat_top_findings(mean: Array) -> tuple[Finding, ...]:
     """Tell a mean torque (n,) [N m] whose top is cut off before the logger: noise after it leaves no equal samples."""
     height = TOP * float(np.ptp(mean))
     top = mean[mean > np.max(mean) - height]
+    if top.size < TOP_POINTS:
+        return ()
     level = float(np.median(top))
-    if not height or np.mean(np.abs(top - level) < 0.1 * height) < FLAT_TOP:
+    if np.mean(np.abs(top - level) < 0.1 * height) < FLAT_TOP:
         return ()
     text = (
         f"the torque stays at {level:.4g} N m over {360.0 * top.size / mean.size:.2g} degrees where it is highest, "

@@ -23,7 +23,7 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     """Write recording.toml beside the first log, or into another folder."""
     folder: Path = arguments.out if arguments.out is not None else arguments.files[0].parent
     file = folder / RECORDING_FILE
-    if file.exists():
+    if file.exists() or file.is_symlink():
         raise Refusal(f"{file}: is there already and is not overwritten; move it away, or give another --out")
     tell("looking into the logs")
     proposals = look_into(list(dict.fromkeys(arguments.files)))

@@ -21,7 +21,7 @@ Sources: Dickey, Ann. Math. Statist. 42 (1971); Kass & Raftery, JASA 90 (1995).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -29,11 +29,12 @@ import numpy as np
 
 from camtorque import laws
 from camtorque.fit.descent import Effort, free_at
-from camtorque.fit.problem import Problem, build_problem
+from camtorque.fit.problem import Indices, Problem, build_problem
 from camtorque.fit.solver import Solution, solve
 from camtorque.fit.truncated import Gaussian, log_share_below
 from camtorque.fit.uncertainty import Covariance, inverse, posterior_at, prior_std
 from camtorque.laws.chain import SHIFT_NAMES, ChainOutput, derivative_by
+from camtorque.laws.rows import ParameterRow
 from camtorque.process.second_process import in_two
 from camtorque.records import APART, EITHER_LOSS, Array, LossEvidence
 
@@ -85,11 +86,14 @@ def _ratio(whole: Gaussian, chosen: Array) -> float:
     return quadratic + 2.0 * (whole.within.log_probability - given.within.log_probability)
 
 
-def prior_of(problem: Problem, std: Array) -> Gaussian:
-    """Return what is known beforehand; ``std`` (k,) is finite where nothing is, the mean then that of the bounds."""
-    lower, upper = problem.bounds
-    mean, given = problem.priors
-    return Gaussian(np.where(np.isfinite(given), mean, 0.5 * (lower + upper)), np.diag(std**2), lower, upper)
+def prior_of(problem: Problem, std: Array, chosen: Indices | None = None) -> Gaussian:
+    """Return what is known beforehand; ``std`` (k,) is finite where nothing is, the mean then that of the bounds.
+
+    ``chosen`` are the places of the parameters asked for, all by default.
+    """
+    places = np.arange(std.size) if chosen is None else chosen
+    lower, upper, mean, given = (values[places] for values in (*problem.bounds, *problem.priors))
+    return Gaussian(np.where(np.isfinite(given), mean, 0.5 * (lower + upper)), np.diag(std[places] ** 2), lower, upper)
 
 
 def laplace(problem: Problem, solution: Solution, inflation: float) -> float:
@@ -115,22 +119,27 @@ class Weighed:
 
     Attributes
     ----------
-    names, best : of the parameters that all its recordings share, and their values, (k,) [SI]
+    rows, best : of the parameters that all its recordings share, and their values, (k,) [SI]
     posterior, prior : what is known of them with and without the data
-    outputs : of its recordings at the minimum
+    moves : loss -> mean over its recordings of what `moves_of` returns at the minimum
     small : rms torque below which a loss is small [N m]
     """
 
-    names: tuple[str, ...]
+    rows: tuple[ParameterRow, ...]
     best: Array
     posterior: Gaussian
     prior: Gaussian
-    outputs: tuple[ChainOutput, ...]
+    moves: Mapping[str, Array]
     small: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return tuple(row.name for row in self.rows)
 
     def members(self, loss: str) -> tuple[str, ...]:
         """Return the parameters that vanish with a loss."""
-        return tuple(name for name in MEMBERS[loss] if name in self.names)
+        return members_of(loss, self.names)
 
     def places(self, names: Sequence[str]) -> Array:
         """Return where parameters stand."""
@@ -139,6 +148,21 @@ class Weighed:
     def factor(self, names: Sequence[str]) -> float:
         """Return 2 ln K for parameters against zero, by the Savage-Dickey ratio."""
         return savage_dickey(self.posterior, self.prior, self.places(names))
+
+
+def members_of(loss: str, names: Sequence[str]) -> tuple[str, ...]:
+    """Return those of some parameters that vanish with a loss."""
+    return tuple(name for name in MEMBERS[loss] if name in names)
+
+
+def moves_of(output: ChainOutput, names: Sequence[str], losses: Sequence[str]) -> dict[str, Array]:
+    """Return loss -> mean products of the columns by which its parameters move the mean cycle, (m, m).
+
+    They are what its mean square is made of, and all that is kept of a recording: of a thousand the columns would fill
+    gigabytes.
+    """
+    columns = {loss: _columns(output, members_of(loss, names), loss) for loss in losses}
+    return {loss: np.asarray(each.T @ each / len(each)) for loss, each in columns.items()}
 
 
 def small_torque(odd_even: float, mean: float) -> float:
@@ -151,7 +175,8 @@ def loss_evidence(problem: Problem, solution: Solution, cov: Covariance, odd_eve
     small = small_torque(odd_even, float(np.mean(problem.data[0].torque)))
     posterior = posterior_at(problem, solution, cov.matrix, cov.inflation)
     prior = prior_of(problem, cov.prior_std)
-    fit = Weighed(problem.names, solution.z, posterior, prior, (solution.output,), small)
+    moves = moves_of(solution.output, problem.names, tuple(MEMBERS))
+    fit = Weighed(tuple(one.row for one in problem.parameters), solution.z, posterior, prior, moves, small)
     full = laplace(problem, solution, cov.inflation)
 
     def refitted(left_out: Sequence[tuple[str, ...]]) -> list[float]:
@@ -204,12 +229,14 @@ def _by_part(fit: Weighed, row: LossEvidence, refitted: Refits | None) -> LossEv
     factor, part = max(((fit.factor((name,)), name) for name in members), default=(-np.inf, ""))
     if factor <= 0.0:
         return row
-    factor = (refitted([(part,)])[0] if refitted else factor) - 2.0 * math.log(len(members))
+    refit = refitted([(part,)])[0] if refitted else np.nan
+    factor = (factor if np.isnan(refit) else refit) - 2.0 * math.log(len(members))
     if not factor > NEEDED:
         return row
     size = f"({row.size:.2g} {row.unit} rms; {strength(factor)})"
-    text = f"the data need {row.name} {size}: {laws.ROWS[part].meaning}, whatever the rest of it is"
-    return replace(row, two_ln_bayes_factor=factor, verdict="needed", confirmed_by_refit=bool(refitted), text=text)
+    meaning = fit.rows[fit.names.index(part)].meaning
+    text = f"the data need {row.name} {size}: {meaning}, whatever the rest of it is"
+    return replace(row, two_ln_bayes_factor=factor, verdict="needed", confirmed_by_refit=not np.isnan(refit), text=text)
 
 
 def where_unexplained(evidence: tuple[LossEvidence, ...]) -> tuple[LossEvidence, ...]:
@@ -234,17 +261,15 @@ def _refitted(problem: Problem, solution: Solution, cov: Covariance, names: tupl
 
 def _size(fit: Weighed, name: str) -> tuple[float, tuple[float, float], str]:
     """Return how much a loss moves the mean cycle, with 95 % interval: rms torque [N m] or rms twist [deg]."""
-    members, inside = fit.members(name), fit.posterior.within
-    chosen = fit.places(members)
+    chosen, inside = fit.places(fit.members(name)), fit.posterior.within
     root = np.linalg.cholesky(inside.matrix[np.ix_(chosen, chosen)] + 1e-30 * np.eye(chosen.size))
     normal = np.random.default_rng(1).standard_normal((SIZE_DRAWS, chosen.size))
     drawn = np.clip(inside.mean[chosen] + normal @ root.T, fit.posterior.lower[chosen], fit.posterior.upper[chosen])
-    columns = np.concatenate([_columns(output, members, name) for output in fit.outputs])
-    scale = 180.0 / np.pi if name == "driveline" else 1.0
-    sizes = scale * np.sqrt(np.mean((drawn @ columns.T) ** 2, axis=1))
-    own = scale * float(np.sqrt(np.mean((columns @ fit.best[chosen]) ** 2)))
-    low, high = np.quantile(sizes, [0.025, 0.975])
-    return own, (float(low), float(high)), "deg" if name == "driveline" else "N m"
+    each = np.vstack([fit.best[chosen], drawn])
+    mean_square = np.einsum("ij,jk,ik->i", each, fit.moves[name], each)
+    sizes = (180.0 / np.pi if name == "driveline" else 1.0) * np.sqrt(np.maximum(mean_square, 0.0))
+    low, high = np.quantile(sizes[1:], [0.025, 0.975])
+    return float(sizes[0]), (float(low), float(high)), "deg" if name == "driveline" else "N m"
 
 
 def _columns(output: ChainOutput, names: Sequence[str], loss: str) -> Array:

@@ -301,7 +301,7 @@ def _fit_joint(known: Sequence[FittedAlone], read: Callable[[int], JointInput], 
         tuple(item.name for item in used), shared, fitted, problem.names, solution.z,
         fit.covariance.arrow, tuple(row for one in without for row in one.held), drifts, tuple(excluded), findings,
         residual_covariance(solution, fit.covariance), shared_lift_from(problem, others.lift),
-        joint_evidence(fit, np.array(odd_even), all(one.explained for one in fitted)),
+        joint_evidence(fit, np.array(odd_even), all(one.explained for one in fitted), each),
     )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from camtorque.fit.arrow import Arrow, ArrowCovariance, arrow_inverse
-from camtorque.fit.evidence import Weighed, evidence_of, prior_of, small_torque, where_unexplained
+from camtorque.fit.evidence import Weighed, evidence_of, moves_of, prior_of, small_torque, where_unexplained
 from camtorque.fit.joint_input import JointInput
 from camtorque.fit.joint_solver import JointSolution, solve_many
 from camtorque.fit.kinds import ARM, OtherKind, from_log_odds, other_kind
@@ -28,8 +28,8 @@ from camtorque.fit.single import FittedParameters
 from camtorque.fit.solver import Minimum, with_slopes
 from camtorque.fit.truncated import Gaussian
 from camtorque.fit.uncertainty import LEAST_FREEDOM, Covariance, prior_std
-from camtorque.process.threads import Each
-from camtorque.records import APART, Array, LossEvidence, Metrics, ParameterEstimate, ReadOnly
+from camtorque.process.threads import Each, in_turn
+from camtorque.records import APART, EITHER_LOSS, Array, LossEvidence, Metrics, ParameterEstimate, ReadOnly
 
 
 @dataclass(frozen=True)
@@ -137,30 +137,36 @@ def joint_recording(fit: JointFit, index: int, item: JointInput) -> JointRecordi
     return JointRecording(own, problem.data[index].structure, found, explained)
 
 
-def joint_evidence(fit: JointFit, odd_even: Array, explained: bool) -> tuple[LossEvidence, ...]:
+def joint_evidence(fit: JointFit, odd_even: Array, explained: bool, each: Each = in_turn) -> tuple[LossEvidence, ...]:
     """Return which of friction and damping a pump needs, by what all its recordings tell together.
 
-    At one speed viscous drag of the shaft is a constant like any other; several tell it from the rest. Both act on the
-    torque by columns, so that their Gaussian is good enough without a refit.
+    At one speed viscous drag of the shaft is a constant like any other; several tell it from the rest. All but the
+    guide's friction act on the torque by columns, so that their Gaussian is good enough without a refit.
 
     Parameters
     ----------
     odd_even : (n,) scatter of each recording's cycles [N m]
     explained : whether the fit explains all recordings
+    each : works at several of them side by side; it changes no number
     """
     problem, solution, cov = fit.problem, fit.solution, fit.covariance
     shared = cov.arrow.shared
     mean = solution.z + cov.arrow.times(solution.gradient / cov.inflation)
-    bounds = [bound[shared] for bound in problem.bounds]
     small = small_torque(
         float(np.sqrt(np.mean(odd_even**2))), float(np.mean([np.mean(item.torque) for item in problem.data]))
     )
-    prior = prior_of(problem, cov.prior_std)
-    before = Gaussian(prior.mean[shared], prior.matrix[np.ix_(shared, shared)], *bounds)
-    outputs = tuple(with_slopes(problem, solution.z, k)[0] for k in range(len(problem.data)))
-    known = Gaussian(mean[shared], cov.arrow.matrix, *bounds)
-    names = tuple(problem.parameters[k].row.name for k in shared)
-    found = evidence_of(Weighed(names, solution.z[shared], known, before, outputs, small), APART)
+    # never of all parameters: their matrix grows with the square of the recordings
+    before = prior_of(problem, cov.prior_std, shared)
+    known = Gaussian(mean[shared], cov.arrow.matrix, before.lower, before.upper)
+    rows = tuple(problem.parameters[k].row for k in shared)
+    losses = (*APART, EITHER_LOSS)
+
+    def moved(index: int) -> Mapping[str, Array]:
+        return moves_of(with_slopes(problem, solution.z, index)[0], [row.name for row in rows], losses)
+
+    every = each(moved, range(len(problem.data)))
+    moves = {loss: np.mean([one[loss] for one in every], axis=0) for loss in losses}
+    found = evidence_of(Weighed(rows, solution.z[shared], known, before, moves, small), APART)
     return found if explained else where_unexplained(found)
 
 

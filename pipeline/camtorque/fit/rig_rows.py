@@ -161,10 +161,10 @@ def _set_filter(rows: dict[str, ParameterRow], torque: SensorCalibration) -> Non
 
 
 def _set_size(rows: dict[str, ParameterRow], pump: PumpData) -> None:
-    """Scale what literature knows of usual plungers and cams to those beyond.
+    """Scale what literature knows of usual plungers, cams and rollers to those beyond.
 
     Similar pumps: lengths go with the diameter, areas with its square. A smaller part is expected smaller, but known
-    no better.
+    no better; a small roller may have a pin as large as any.
     """
     plunger = pump.plunger_diameter / float(np.clip(pump.plunger_diameter, *USUAL_PLUNGER))
     cam = pump.base_circle_radius / float(np.clip(pump.base_circle_radius, *USUAL_CAM))

@@ -214,7 +214,8 @@ def _known_of(like: Path | None, folder: Path) -> dict[str, dict[str, Any]]:
     tables["recording"] = {name: tables["recording"][name] for name in of_rig if name in tables["recording"]}
     if "recording" not in values:  # a pump file, whose id is the name of the pump
         tables["pump"].pop("note", None)
-        tables["recording"] |= {"pump_id": tables["pump"].pop("id")} if "id" in tables["pump"] else {}
+        name = tables["pump"].pop("id", "")
+        tables["recording"] |= {"pump_id": name} if name != "" else {}
     for table in (tables["pump"], *tables["sensors"].values()):
         for name in PATHS:
             if isinstance(table.get(name), str):

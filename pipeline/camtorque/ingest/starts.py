@@ -97,8 +97,8 @@ def _together(
         return []
     others = [f"{name} at {begun[name]:.6g} s" for name in sorted(begun) if name not in at_zero]
     text = (
-        f"{', '.join(at_zero)} begin at 0 s, {', '.join(others)}, on one clock: if these do not count from one moment, "
-        "say start_time_s of their channels"
+        f"{', '.join(at_zero)} begin{'s' * (len(at_zero) == 1)} at 0 s, {', '.join(others)}, on one clock: if these do "
+        "not count from one moment, say start_time_s of their channels"
         if others
         else f"{', '.join(at_zero)} are synchronised and all begin at 0 s; if one began later, say start_time_s of "
         "its channels"

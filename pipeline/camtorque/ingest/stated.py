@@ -11,9 +11,12 @@ from hashlib import sha256
 from math import isnan
 from typing import Any
 
+from camtorque.config import RecordingConfig
 from camtorque.config.keys import Key
+from camtorque.config.quantities import SENSED
 from camtorque.config.schemas import RECORDING_TABLES
 from camtorque.records import Finding, Recording
+from camtorque.units import unit_kind
 
 DIMENSIONS = tuple(f"[pump] {name}" for name in (
     "plunger_diameter_m", "base_circle_radius_m", "roller_radius_m", "follower_offset_m"
@@ -42,9 +45,14 @@ def stated(recording: Recording) -> dict[str, str]:
             values = {f"gain [{unit}/V]": sheet.gain, "delay [s]": sheet.delay, "cut-off [Hz]": sheet.cutoff_hz}
             texts = {what: "nothing" if isnan(value) else f"{value:.{DIGITS}g}" for what, value in values.items()}
             found |= {f"{quantity} sensor, {what}": text for what, text in texts.items()}
-            if sheet.gain == 1.0:  # no volt is one newton metre or pascal: the logger has scaled already
+            if sheet.gain == 1.0 and not _in_volts(config, quantity):  # the logger has scaled already
                 found[f"{quantity} sensor, gain [{unit}/V]"] = "the logger's"
     return found
+
+
+def _in_volts(config: RecordingConfig, quantity: str) -> bool:
+    """Return whether a channel holds what its sensor gives: 10 V for 10 N m are a gain of one, too."""
+    return any(unit_kind(spec.output_unit) in SENSED for spec in config.channels if spec.quantity == quantity)
 
 
 def _text(key: Key, value: Any) -> str:
