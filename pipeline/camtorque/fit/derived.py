@@ -79,7 +79,7 @@ def delivered_volume(fit: Fit) -> Estimate | None:
 
 def work_at(chain: ChainInput, values: Mapping[str, float], coefficients: Array) -> dict[str, float]:
     """Return the work of each loss at values of the nonlinear and (17,) of the linear parameters [J per revolution]."""
-    return _work(chain, values, *_caused(chain, values, coefficients))
+    return _caused(chain, values, coefficients)[2]
 
 
 def sureness(fit: Fit, rigid: RigidTorque, measured: Array) -> tuple[dict[str, float], dict[str, Array]]:
@@ -131,16 +131,12 @@ def carried(fit: Fit, at: Callable[[Mapping[str, float], Array], Array]) -> Arra
 
 def _caused(
     chain: ChainInput, values: Mapping[str, float], coefficients: Array
-) -> tuple[ChainOutput, dict[str, Array]]:
+) -> tuple[ChainOutput, dict[str, Array], dict[str, float]]:
+    """Return the chain, torque on the cam by cause, and work by loss."""
     output = evaluate(chain, values, coefficients)
-    return output, cam_torques(chain, values, output, coefficients, np.zeros(chain.theta.size))[0]
-
-
-def _work(
-    chain: ChainInput, values: Mapping[str, float], output: ChainOutput, torques: Mapping[str, Array]
-) -> dict[str, float]:
+    torques, _ = cam_torques(chain, values, output, coefficients, np.zeros(chain.theta.size))
     work = work_per_revolution(chain, values, output, torques)
-    return {**work, TOGETHER: sum(work[name] for name in APART)}
+    return output, torques, {**work, TOGETHER: sum(work[name] for name in APART)}
 
 
 def line_pressure_torque(rigid: RigidTorque, angle: Array, force: Array) -> Array:
@@ -155,11 +151,11 @@ def _both(
     chain: ChainInput, values: Mapping[str, float], coefficients: Array, rigid: RigidTorque, parts: Array
 ) -> tuple[dict[str, float], dict[str, Array]]:
     """Return work by loss, and torque by cause averaged over parts (3, n) of the revolution, apart from a constant."""
-    output, torques = _caused(chain, values, coefficients)
+    output, torques, work = _caused(chain, values, coefficients)
     curves = measured_torques(chain, values, torques, coefficients)
     angle = line_pressure_torque(rigid, output.motion.theta, chain.line_pressure * chain.pump.plunger_area)
     curves = {CHAMBER: curves.pop("pressure") - angle, ANGLE: angle, **curves}
-    return _work(chain, values, output, torques), {name: parts @ curve for name, curve in curves.items()}
+    return work, {name: parts @ curve for name, curve in curves.items()}
 
 
 def _parts(chain: ChainInput, rigid: RigidTorque, measured: Array) -> Array:

@@ -297,7 +297,8 @@ def with_lost_torque_anew(seen: SearchData, found: SearchState) -> tuple[SearchD
 
 def extended(found: SearchState, more: Starts, seen: SearchData) -> SearchState:
     """Return what was found with further starts and the minima that the promising ones among them lead to."""
-    starts = joined(found.starts, more)
+    starts = {name: sorted([*group, *more.get(name, [])], key=lambda start: start.chi_square)
+              for name, group in found.starts.items()}  # fmt: skip
     least = min((group[0].chi_square for group in starts.values() if group), default=0.0)
     new = sorted((start for group in more.values() for start in group[:OF_A_STRUCTURE]), key=lambda s: s.chi_square)
     new = [start for start in new[:POLISHED] if start.chi_square < PROMISING_TIMES * least + PROMISING_PLUS]
@@ -317,9 +318,3 @@ def likely(found: SearchState) -> list[str]:
         return names
     limit = FAR * min(found.starts[name][0].chi_square for name in names if found.starts[name]) + UNEXPLAINED
     return [name for name in names if not found.starts[name] or found.starts[name][0].chi_square < limit]
-
-
-def joined(one: Starts, other: Starts) -> dict[str, list[Start]]:
-    """Return the starts of both by structure, best first."""
-    return {name: sorted([*group, *other.get(name, [])], key=lambda start: start.chi_square)
-            for name, group in one.items()}  # fmt: skip
