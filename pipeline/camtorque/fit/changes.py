@@ -27,7 +27,7 @@ from camtorque.fit.difference import (
     objective,
 )
 from camtorque.fit.pair import OWN_NAMES, TwoRecordings, with_difference
-from camtorque.laws.fuels import shares_per_kelvin
+from camtorque.laws.fluid import shares_per_kelvin
 from camtorque.process.second_process import in_two
 from camtorque.records import Array
 
