@@ -265,14 +265,12 @@ def fit_joint(known: Sequence[FittedAlone], read: Callable[[int], JointInput], t
 def _fit_joint(known: Sequence[FittedAlone], read: Callable[[int], JointInput], each: Each) -> CampaignFit:
     refuse_two_states(known)
     places, excluded = list(range(len(known))), []
-    while True:
-        used = [known[k] for k in places]
-        problem, solution = solve_joint(used, each)
-        odd = fitting_no_other(solution.misfits)
-        if not odd:
-            break
+    problem, solution = solve_joint(known, each)
+    while odd := fitting_no_other(solution.misfits):
         excluded += [known[places[k]].name for k in odd]
         places = [place for k, place in enumerate(places) if k not in odd]
+        problem, solution = solve_joint([known[k] for k in places], each)
+    used = [known[k] for k in places]
     problem, solution = with_likelier_pin(problem, solution, each)
     drifts = shared_drifts(used) if len(used) > 2 else ()
     fit = joint_fit_of(used, problem, solution, drifts, each)

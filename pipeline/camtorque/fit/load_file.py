@@ -34,10 +34,6 @@ WIDEST_STEP = np.radians(6.0) * (1.0 + 1e-9)
 def curve_through(file: PressureCurve, name: str) -> Curve:
     """Return the line pressure of a file's points on the grid of a fit, with how well; its speed is not known (nan).
 
-    Parameters
-    ----------
-    name : of the file
-
     Raises
     ------
     Refusal : no pressure, or so few points that what lies between them is a guess

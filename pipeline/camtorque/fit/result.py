@@ -66,13 +66,7 @@ WORTH_TELLING = 0.01
 def fitted_torque(
     fit: Fit, recording: Recording, cycles: CamCycles, rigid: RigidTorque, means: MeanCycles
 ) -> FittedTorque:
-    """Return the record of a fit.
-
-    Parameters
-    ----------
-    fit : full model of the recording
-    recording, cycles, rigid, means : the recording, its cycles, rigid solution and mean cycles
-    """
+    """Return the record of a fit."""
     fitted = model_on_grid(fit, means.torque, means.pressure)
     held = model_on_grid(fit, means.held_torque, means.held_pressure)
     parameters = parameter_estimates(fit)

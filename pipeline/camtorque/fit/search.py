@@ -258,11 +258,6 @@ def stages(halves: Halves, structures: tuple[str, ...], most: Hops = HOPS) -> It
     """Yield what was done last and what was found so far, until the search ends.
 
     Further moves are for recordings that are not explained yet; each is made again after others have helped much.
-
-    Parameters
-    ----------
-    structures : that are tried
-    most : hops between minima
     """
     seen = SearchData(halves, np.zeros(halves.fitted.chain.theta.size))
     compile_in_two(seen.on_search_grid)
