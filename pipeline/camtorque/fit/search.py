@@ -18,7 +18,9 @@ from camtorque.fit.problem import FitData, in_structure, with_starts
 from camtorque.fit.residual import explains
 from camtorque.fit.solver import no_lift
 from camtorque.fit.starts import (
+    COUPLINGS,
     RETRACTIONS,
+    RINGINGS,
     SMOOTHINGS_DEG,
     Start,
     Starts,
@@ -29,11 +31,10 @@ from camtorque.fit.starts import (
     expected,
     first_starts,
     on_search_grid,
-    with_couplings,
+    scanned,
     with_heavier_cams,
     with_hubs,
     with_hubs_alone,
-    with_ringing,
 )
 from camtorque.laws import chamber, valve
 from camtorque.laws.chain import SENSOR_NAMES
@@ -211,12 +212,12 @@ def scanned_again(found: SearchState, _seen: FitData) -> Items:
     return {name: rescanned(start, name) for name in likely(found)}
 
 
-def within_structure(more: Callable[[Start], list[FitData]]) -> Callable[[SearchState, FitData], Items]:
-    """Return a move that changes the best start within its structure."""
+def within_structure(more: Callable[..., list[FitData]], *given: object) -> Callable[[SearchState, FitData], Items]:
+    """Return a move that changes the best start within its structure; ``given`` stands behind that start."""
 
     def moved(found: SearchState, _seen: FitData) -> Items:
         start = found.start
-        return {start.data.structure: more(start)}
+        return {start.data.structure: more(start, *given)}
 
     return moved
 
@@ -238,8 +239,8 @@ class Move:
 MOVES: dict[str, Move] = {
     "end of delivery": Move(scanned_again, SMOOTHINGS_DEG[2:], 0.0),
     "outlet on the return": Move(within_structure(outlet_opening_again), SMOOTHINGS_DEG[2:], UNSURE),
-    "ringing": Move(within_structure(with_ringing), UNSMOOTHED, UNSURE),
-    "coupling": Move(within_structure(with_couplings), UNSMOOTHED, DOUBTFUL),
+    "ringing": Move(within_structure(scanned, RINGINGS, "shaft_resonance"), UNSMOOTHED, UNSURE),
+    "coupling": Move(within_structure(scanned, COUPLINGS, "coupling_resonance"), UNSMOOTHED, DOUBTFUL),
     "heavier cam": Move(within_structure(with_heavier_cams), UNSMOOTHED, SUSPECT),
     "hub": Move(within_structure(with_hubs), UNSMOOTHED, SUSPECT),
     "load anew": Move(load_anew, SMOOTHINGS_DEG, UNEXPLAINED),
