@@ -215,7 +215,7 @@ def solve_periodic(shaft: Shaft) -> Array | None:
     state = np.zeros((ELEMENTS, STAGES, 2 * count))
     start = np.zeros((ELEMENTS, 2 * count))
     for _ in range(ROUNDS):
-        rate, slope = (part.reshape(ELEMENTS, STAGES, *part.shape[1:]) for part in _motion(shaft, angle, state))
+        rate, slope = _motion(shaft, angle, state)
         steps = _newton_step(start, state, rate, slope, (width * matrix, width * weights))
         longest = float(np.max(np.abs(steps[1][..., :count])))
         share = min(1.0, LONGEST / max(longest, 1e-300))
@@ -223,13 +223,12 @@ def solve_periodic(shaft: Shaft) -> Array | None:
         if not np.all(np.isfinite(state)) or np.min(state[..., count:]) <= -shaft.speed:
             return None
         if longest <= CLOSED * np.max(np.abs(state[..., :count])):
-            rate, _ = (part.reshape(ELEMENTS, STAGES, *part.shape[1:]) for part in _motion(shaft, angle, state))
-            return _on_grid(start, rate, nodes, width, shaft.load.shape[1])[:, :count].T
+            return _on_grid(start, _motion(shaft, angle, state)[0], nodes, width, shaft.load.shape[1])[:, :count].T
     return None
 
 
 def _motion(shaft: Shaft, angle: Array, state: Array) -> tuple[Array, Array]:
-    """Return the derivative of the state over the drive angle (m, 2n), and its Jacobian (m, 2n, 2n)."""
+    """Return the derivative of the state (e, s, 2n) over the drive angle, and its Jacobian (e, s, 2n, 2n)."""
     count, speed = len(shaft.units), shaft.speed
     flat = state.reshape(-1, 2 * count)
     lead, swing = flat[:, :count], flat[:, count:]
@@ -251,7 +250,7 @@ def _motion(shaft: Shaft, angle: Array, state: Array) -> tuple[Array, Array]:
         row[:, count:] = coupling[1][i] / inertia[:, None] / speed
         row[:, i] -= (by_angle[0] + by_angle[1] * omega**2 + alpha * by_angle[2]) / inertia / speed
         row[:, count + i] -= 2.0 * square * omega / inertia / speed
-    return rate, slope
+    return rate.reshape(state.shape), slope.reshape(*state.shape, 2 * count)
 
 
 def _chain(values: Array) -> Array:
