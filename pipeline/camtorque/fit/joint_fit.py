@@ -17,12 +17,12 @@ from functools import cached_property
 import numpy as np
 
 from camtorque.fit.arrow import Arrow, ArrowCovariance, arrow_inverse
+from camtorque.fit.derived import modelled
 from camtorque.fit.evidence import Weighed, evidence_of, prior_of, small_torque, where_unexplained
 from camtorque.fit.joint_input import JointInput
 from camtorque.fit.joint_solver import JointSolution, solve_many
 from camtorque.fit.kinds import ARM, OtherKind, from_log_odds, other_kind
 from camtorque.fit.minima import attempted
-from camtorque.fit.modelled import modelled
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import Problem, build_problem, started_at, with_rows
 from camtorque.fit.residual import is_explained, metrics_of_fit

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from camtorque.fit.derived import modelled
 from camtorque.fit.descent import Effort, free_at
 from camtorque.fit.endings import endings_of, load_for
 from camtorque.fit.forecast import values_of
@@ -23,7 +24,6 @@ from camtorque.fit.joint_input import JointInput
 from camtorque.fit.joint_solver import JointSolution, joint_setup, solve_many, try_at
 from camtorque.fit.known_ends import END_OF, WIDTHS_OF, Curve
 from camtorque.fit.known_fit import FRACTIONS, FittedAt, KnownFit, LoadKnowledge, draws, middle, steps
-from camtorque.fit.modelled import modelled
 from camtorque.fit.problem import NEUTRAL, FitData, Problem, build_problem, started_at, with_starts
 from camtorque.fit.quadratic import bounded_quadratic
 from camtorque.fit.residual import metrics

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from camtorque.fit.derived import delivered_volume, derived_estimates, sureness
+from camtorque.fit.derived import Modelled, delivered_volume, derived_estimates, model_on_grid, resampled, sureness
 from camtorque.fit.findings import (
     fit_findings,
     implausible_findings,
@@ -15,7 +15,6 @@ from camtorque.fit.findings import (
     prior_findings,
     table_findings,
 )
-from camtorque.fit.modelled import Modelled, model_on_grid, resampled
 from camtorque.fit.planning import next_measurement
 from camtorque.fit.prepare import MeanCycles
 from camtorque.fit.problem import SEPARATOR, STRUCTURES
