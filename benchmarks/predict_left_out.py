@@ -64,7 +64,7 @@ def known_fit(used: Sequence[Prepared]) -> KnownFit:
     problem, solution = solve_joint(inputs)
     fit = joint_fit_of(inputs, problem, solution)
     others = leftout.left_out(fit)
-    found = (row for k, item in enumerate(inputs) for row in leftout.predicted(fit, others, k, item).held)
+    found = (row for k, item in enumerate(inputs) for row in leftout.predicted(fit, others, k, item)[0])
     held = {row.name: row.metrics.rms_percent_of_peak / 100.0 for row in found if row.mode == "own_zero_and_end"}
     recordings = [
         FittedAt(item.recording.config.id, item.cycles.mean_speed, data.structure, held[item.recording.config.id], True)

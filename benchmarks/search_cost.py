@@ -26,7 +26,7 @@ from camtorque.fit.prepare import fit_data, mean_cycles, other_half
 from camtorque.fit.problem import STRUCTURES
 from camtorque.fit.search import DOUBTFUL, HOPS, stages
 from camtorque.ingest import read_recording
-from camtorque.mechanism.spectral import spectral_law
+from camtorque.mechanism.lift_laws import spectral_law
 
 LONG = 24
 FOUND_TIMES, FOUND_PLUS = 1.5, 20.0

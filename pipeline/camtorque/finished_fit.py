@@ -25,7 +25,7 @@ from camtorque.ingest.pump_sizes import check_pump
 from camtorque.ingest.sheet import read_sheet
 from camtorque.laws import ROWS
 from camtorque.laws.chain import ChainInput
-from camtorque.mechanism.spectral import spectral_law
+from camtorque.mechanism.lift_laws import spectral_law
 from camtorque.records import Array, CamTable, Finding, Refusal
 from camtorque.report.fit_file import NAME, SCHEMA, known_covariance, known_lift, known_shown
 from camtorque.results import CAMPAIGN, read_document, read_result, recording_of, refuse_changed, report_named

@@ -6,11 +6,10 @@ import numpy as np
 
 from camtorque.fit.prepare import fit_data, mean_cycles
 from camtorque.ingest.check import least_pressure
-from camtorque.mechanism.lift_laws import lift_law
+from camtorque.mechanism.lift_laws import lift_law, spectral_law
 from camtorque.mechanism.load_check import load_findings
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.solve import solve_rigid
-from camtorque.mechanism.spectral import spectral_law
 from camtorque.records import CamCycles, Finding, Recording, Refusal, RigidTorque
 from camtorque.units import BAR
 

@@ -17,7 +17,7 @@ from camtorque.fit.problem import build_problem
 from camtorque.fit.solver import lift_at, try_at
 from camtorque.fit.starts import refined
 from camtorque.lmfit_fit import OwnFit, changed, read_changes
-from camtorque.mechanism.spectral import spectral_law
+from camtorque.mechanism.lift_laws import spectral_law
 from camtorque.records import Refusal
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "raw_examples" / "A_1000rpm"

@@ -14,10 +14,9 @@ from camtorque.fit.single import Prepared
 from camtorque.fit.solver import lift_at, solve
 from camtorque.fit.starts import Start
 from camtorque.fit.valleys import NO_VALLEY
-from camtorque.mechanism.lift_laws import lift_law
+from camtorque.mechanism.lift_laws import lift_law, spectral_law
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.solve import solve_rigid
-from camtorque.mechanism.spectral import spectral_law
 from camtorque.records import CamCycles, Recording, RigidTorque
 from rig_bridge import cycles_of, recording_of
 from rigs.families import FAMILIES, change

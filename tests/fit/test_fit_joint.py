@@ -303,7 +303,7 @@ def test_a_blind_prediction_fits_no_ripple_of_the_drive(prepared, joint):
     data = list(joint.problem.data)
     data[1] = replace(data[1], chain=replace(data[1].chain, ripple_order=41))
     fit = replace(joint, problem=replace(joint.problem, data=tuple(data)))
-    own, blind = predicted(fit, left_out(fit), 1, prepared[1]).held
+    (own, blind), _ = predicted(fit, left_out(fit), 1, prepared[1])
     assert {"ripple_cosine", "ripple_sine"} < set(own.fitted_on_held_out)
     assert blind.fitted_on_held_out == ()
 

@@ -10,10 +10,10 @@ from camtorque.fit.kinds import BUSH, BUSH_SOURCE, kind_rows
 from camtorque.fit.prepare import fit_data, mean_cycles
 from camtorque.fit.rig_rows import LARGEST_USUAL_ROLLER, NO_INERTIA, USUAL_CAM, USUAL_PLUNGER, rig_rows
 from camtorque.laws import ROWS
-from camtorque.laws.fuels import MODULUS_PER_KELVIN, modulus_prior, viscosity_ratio
+from camtorque.laws.fluid import MODULUS_PER_KELVIN, modulus_prior, viscosity_ratio
 from camtorque.laws.sensor import LEAST_DAMPING, sensor_transfer
 from camtorque.laws.valve import stop_force
-from camtorque.mechanism.spectral import spectral_law
+from camtorque.mechanism.lift_laws import spectral_law
 from fit_cases import bridged
 from scipy.optimize import brentq
 

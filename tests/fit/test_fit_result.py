@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from camtorque.fit import minima, planning
 from camtorque.fit import result as result_room
-from camtorque.fit.derived import carried, derived_estimates, sureness, work_at
+from camtorque.fit.derived import carried, derived_estimates, model_on_grid, modelled, sureness, work_at
 from camtorque.fit.descent import free_at
 from camtorque.fit.findings import (
     fit_findings,
@@ -22,7 +22,6 @@ from camtorque.fit.findings import (
 )
 from camtorque.fit.kinds import structure_spread
 from camtorque.fit.minima import LIGHT, Halves
-from camtorque.fit.modelled import model_on_grid, modelled
 from camtorque.fit.pair import pair_of
 from camtorque.fit.planning import TOOTH, next_measurement, proposals
 from camtorque.fit.prepare import INDEPENDENT, bin_weights, mean_cycles, on_grid

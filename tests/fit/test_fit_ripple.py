@@ -17,7 +17,7 @@ from camtorque.fit.single import FitOptions, Prepared, fit_prepared
 from camtorque.fit.valleys import NO_VALLEY
 from camtorque.ingest import read_recording
 from camtorque.laws.ripple import binned_waves, waves
-from camtorque.mechanism.spectral import spectral_law
+from camtorque.mechanism.lift_laws import spectral_law
 from fit_cases import bridged, rig, true_starts
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "raw_examples" / "A_0300rpm"

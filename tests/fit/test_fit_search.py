@@ -50,11 +50,11 @@ def test_hops_begin_in_another_structure_now_and_then_where_nothing_satisfies(fo
 
 
 @pytest.mark.parametrize(
-    ("scan", "place"), [(starts.with_ringing, "shaft_resonance"), (starts.with_couplings, "coupling_resonance")]
+    ("swings", "place"), [(starts.RINGINGS, "shaft_resonance"), (starts.COUPLINGS, "coupling_resonance")]
 )
-def test_a_scan_of_the_driveline_keeps_frequencies_that_are_apart(found, scan, place):
+def test_a_scan_of_the_driveline_keeps_frequencies_that_are_apart(found, swings, place):
     start = continued(quick_data(LAND), 0.0, core=False, iterations=2)
-    tried = np.sort([item.rows[place].start for item in scan(start)])
+    tried = np.sort([item.rows[place].start for item in starts.scanned(start, swings, place)])
     assert tried.size == starts.SCANNED_KEPT
     assert np.min(tried[1:] / tried[:-1]) > starts.APART
 
@@ -67,7 +67,7 @@ def test_a_scan_finds_the_coupling_that_a_start_has_lost(found):
     problem = build_problem([there.data])
     torque = evaluate(there.data.chain, problem.values(problem.start, 0)[0]).torque
     lost = with_starts(replace(there.data, torque=torque), {"coupling_compliance": 0.0})
-    best = starts.with_couplings(Start(lost, there.lift, 0.0))[0]
+    best = starts.scanned(Start(lost, there.lift, 0.0), starts.COUPLINGS, "coupling_resonance")[0]
     assert best.rows["coupling_resonance"].start == pytest.approx(soft["coupling_resonance"], rel=0.2)
 
 

@@ -27,7 +27,7 @@ from camtorque.fit.starts import (
 )
 from camtorque.fit.uncertainty import COVERAGE, covariance, narrowed, prior_std, ripple
 from camtorque.laws import ROWS, bridge, valve
-from camtorque.mechanism.spectral import spectral_law
+from camtorque.mechanism.lift_laws import spectral_law
 from fit_cases import bridged, quick, quick_data, quick_prepared, rig, true_starts
 from rigs.cycles import as_cycles
 

@@ -18,8 +18,7 @@ from __future__ import annotations
 
 from camtorque.compiled import njit
 
-from camtorque.laws.columns import on_shaft
-from camtorque.laws.rows import Law, parameter
+from camtorque.laws.rows import Law, on_shaft, parameter
 
 ROWS = (
     parameter("shaft_churning", "c_h", "N m s^2", 1.0, (0.0, 0.0, 0.01, 1e-5), (0.0, 1e-4),

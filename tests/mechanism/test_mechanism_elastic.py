@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from camtorque.mechanism.collocation import _sweep, gauss
 from camtorque.mechanism.elastic import solve_by_harmonics, solve_elastic
 from camtorque.mechanism.mounting import PumpUnit
+from camtorque.mechanism.periodic import _sweep, gauss
 from camtorque.mechanism.shaft import solve_shaft
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import Refusal

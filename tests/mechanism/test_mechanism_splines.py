@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from camtorque.compiled import elementwise, njit
-from camtorque.mechanism.lift_laws import cubic_law, quintic_law
+from camtorque.mechanism.lift_laws import cubic_law, quintic_law, spectral_law
 from camtorque.mechanism.periodic_spline import DENSE, PeriodicSplines, solve_cyclic
 from camtorque.mechanism.smoothing import _root
-from camtorque.mechanism.spectral import spectral_law
 from camtorque.records import CamTable
 from camtorque.units import TURN
 from mechanism_cases import analytic_law

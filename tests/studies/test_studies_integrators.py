@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from camtorque.mechanism.collocation import gauss
 from camtorque.mechanism.elastic import solve_by_harmonics, solve_elastic
+from camtorque.mechanism.periodic import gauss
 from camtorque.studies.driveline import (
     TABLE,
     Shaft,

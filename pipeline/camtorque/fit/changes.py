@@ -25,10 +25,9 @@ from camtorque.fit.difference import (
     minimised,
     normal_equations,
     objective,
-    with_updated_covariance,
 )
-from camtorque.fit.pair import OWN_NAMES, TwoRecordings
-from camtorque.laws.fuels import shares_per_kelvin
+from camtorque.fit.pair import OWN_NAMES, TwoRecordings, with_difference
+from camtorque.laws.fluid import shares_per_kelvin
 from camtorque.process.second_process import in_two
 from camtorque.records import Array
 
@@ -250,7 +249,8 @@ def attribution(pair: TwoRecordings) -> tuple[Attribution, TwoRecordings]:
     bases = [basis_of(pair, values, chosen) for chosen in sets]
     states = dict(zip(sets, in_two(partial(near_minimum, pair, here), bases), strict=True))
     # the weights are those of the set that leaves least: under the weights of "no change" a large change is only noise
-    pair = with_updated_covariance(pair, min(states.values(), key=lambda state: objective(pair, state)))
+    least = min(states.values(), key=lambda state: objective(pair, state))
+    pair = with_difference(pair, pair.values(least.before), 0.5 * (least.residuals[0] + least.residuals[1]))
     states = nested(pair, polished(pair, states))
     factors = min((inflation(pair, state) for state in states.values()), key=lambda item: item[1])
     roots = [root * np.sqrt(f) for root, f in zip((pair.mean_root, pair.difference_root), factors, strict=True)]

@@ -1,25 +1,120 @@
-"""What follows from the fitted values, with the covariance carried on: quantities of a sheet, volume, work by cause."""
+"""The model at a minimum on the grid of the cycles, and what follows: quantities of a sheet, volume, work by cause.
+
+The covariance is carried on to what follows.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from camtorque.fit.forecast import stroke_volume
+from camtorque.fit.prepare import on_grid
+from camtorque.fit.problem import Problem
 from camtorque.fit.residual import parts_of_gap
 from camtorque.fit.single import Fit, FittedParameters
 from camtorque.fit.uncertainty import COVERAGE, knowledge, secant_steps
 from camtorque.laws.causes import cam_torques, measured_torques, work_per_revolution
-from camtorque.laws.chain import SHIFT_NAMES, ChainInput, ChainOutput, evaluate
+from camtorque.laws.chain import SHIFT_NAMES, ChainInput, ChainOutput, Motion, evaluate
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.driveline import FOLLOWING, RIGID, SHAFT_NAMES, cam_side_inertia
 from camtorque.records import APART, TOGETHER, UNTOLD, Array, Estimate, ParameterEstimate, RigidTorque
+from camtorque.units import angle_grid
 
 NOT_CARRIED = "lift_table"
 """The correction of the lift is no parameter of the fit."""
 ANGLE, CHAMBER = "cam angle", "plunger pressure"
 """The two reasons for which pressure makes another torque than the rigid model has."""
+
+
+@dataclass(frozen=True)
+class Modelled:
+    """The model of one recording on the grid of the cycles, for one pair of mean cycles."""
+
+    chain: ChainInput
+    output: ChainOutput
+    values: dict[str, float]
+    cam: dict[str, Array]
+    by_cause: dict[str, Array]
+    plunger_force: Array
+
+    @property
+    def torque(self) -> Array:
+        """Model of the measured torque, (n_theta,) [N m]."""
+        return np.sum(list(self.by_cause.values()), axis=0)
+
+
+def model_on_grid(fit: Fit, torque: Array, pressure: Array) -> Modelled:
+    """Return the model of a recording for mean cycles (n_theta,) of torque and pressure [N m, Pa]."""
+    solution = fit.solution
+    lifts = solution.lift.coefficients(solution.residual)
+    return modelled(fit.problem, solution.z, 0, lifts, fit.measured, (torque, pressure))
+
+
+def modelled(
+    problem: Problem, z: Array, index: int, lifts: Array, measured: Array, means: tuple[Array, Array]
+) -> Modelled:
+    """Return the model of one recording at free parameters z.
+
+    Parameters
+    ----------
+    lifts : coefficients of the lift correction [m]
+    measured : mean torque on the grid of the fit [N m]
+    means : mean cycles (n_theta,) of torque and pressure [N m, Pa]
+    """
+    torque, pressure = means
+    item = problem.data[index]
+    values, coefficients = problem.values(z, index)
+    grid = item.chain.theta.size
+    lost = item.chain.shaft_torque - measured
+    chain = replace(item.chain, line_pressure=on_grid(pressure, grid), shaft_torque=on_grid(torque, grid) + lost)
+    output = evaluate(chain, values, coefficients, tangents=True)
+    slope = item.lift_basis.correction(output.motion.theta, lifts, 1)
+    cam, force = cam_torques(chain, values, output, coefficients, slope)
+    by_cause = measured_torques(chain, values, cam, coefficients)
+    return _on_cycles(Modelled(chain, output, values, cam, by_cause, force), torque.size)
+
+
+def _on_cycles(model: Modelled, n: int) -> Modelled:
+    """Return a model on the grid of the cycles, straight between the points of the fit's grid.
+
+    It is not evaluated anew: a delivery valve that is near to chattering answers to the places of the time steps and to
+    noise between the points, and the report would show another model than the one that was fitted.
+    """
+    chain, motion = model.chain, model.output.motion
+    if n == chain.theta.size:
+        return model
+
+    def at(values: Array) -> Array:
+        return resampled(values, n)
+
+    moved = Motion(
+        angle_grid(n) + at(motion.theta - chain.theta), at(motion.rate), at(motion.second), at(motion.lift.T).T,
+        tuple(at(shift) for shift in motion.shifts),  # type: ignore[arg-type]
+    )  # fmt: skip
+    tangents = model.output.pressure_tangents
+    output = replace(
+        model.output, motion=moved, pressure=at(model.output.pressure), load=at(model.output.load),
+        pressure_tangents=None if tangents is None else at(tangents), states=at(model.output.states),
+        flows=at(model.output.flows),
+    )  # fmt: skip
+    chain = replace(
+        chain, theta=angle_grid(n), line_pressure=at(chain.line_pressure), shaft_torque=at(chain.shaft_torque),
+        deviation=at(chain.deviation) if chain.deviation.size else chain.deviation,
+        substeps=np.zeros(0, dtype=np.int64),
+    )  # fmt: skip
+    cam, by_cause = ({name: at(part) for name, part in parts.items()} for parts in (model.cam, model.by_cause))
+    return Modelled(chain, output, model.values, cam, by_cause, at(model.plunger_force))
+
+
+def resampled(values: Array, n: int) -> Array:
+    """Return periodic values (m, ...) on a grid of n angles, straight between their own."""
+    place = np.arange(n) * (values.shape[0] / n)
+    first = place.astype(np.int64)
+    share = (place - first).reshape(-1, *([1] * (values.ndim - 1)))
+    return np.asarray((1.0 - share) * values[first] + share * values[(first + 1) % values.shape[0]])
 
 
 def derived_estimates(fit: FittedParameters) -> tuple[ParameterEstimate, ...]:
@@ -79,7 +174,7 @@ def delivered_volume(fit: Fit) -> Estimate | None:
 
 def work_at(chain: ChainInput, values: Mapping[str, float], coefficients: Array) -> dict[str, float]:
     """Return the work of each loss at values of the nonlinear and (17,) of the linear parameters [J per revolution]."""
-    return _work(chain, values, *_caused(chain, values, coefficients))
+    return _caused(chain, values, coefficients)[2]
 
 
 def sureness(fit: Fit, rigid: RigidTorque, measured: Array) -> tuple[dict[str, float], dict[str, Array]]:
@@ -131,16 +226,12 @@ def carried(fit: Fit, at: Callable[[Mapping[str, float], Array], Array]) -> Arra
 
 def _caused(
     chain: ChainInput, values: Mapping[str, float], coefficients: Array
-) -> tuple[ChainOutput, dict[str, Array]]:
+) -> tuple[ChainOutput, dict[str, Array], dict[str, float]]:
+    """Return the chain, torque on the cam by cause, and work by loss."""
     output = evaluate(chain, values, coefficients)
-    return output, cam_torques(chain, values, output, coefficients, np.zeros(chain.theta.size))[0]
-
-
-def _work(
-    chain: ChainInput, values: Mapping[str, float], output: ChainOutput, torques: Mapping[str, Array]
-) -> dict[str, float]:
+    torques, _ = cam_torques(chain, values, output, coefficients, np.zeros(chain.theta.size))
     work = work_per_revolution(chain, values, output, torques)
-    return {**work, TOGETHER: sum(work[name] for name in APART)}
+    return output, torques, {**work, TOGETHER: sum(work[name] for name in APART)}
 
 
 def line_pressure_torque(rigid: RigidTorque, angle: Array, force: Array) -> Array:
@@ -155,11 +246,11 @@ def _both(
     chain: ChainInput, values: Mapping[str, float], coefficients: Array, rigid: RigidTorque, parts: Array
 ) -> tuple[dict[str, float], dict[str, Array]]:
     """Return work by loss, and torque by cause averaged over parts (3, n) of the revolution, apart from a constant."""
-    output, torques = _caused(chain, values, coefficients)
+    output, torques, work = _caused(chain, values, coefficients)
     curves = measured_torques(chain, values, torques, coefficients)
     angle = line_pressure_torque(rigid, output.motion.theta, chain.line_pressure * chain.pump.plunger_area)
     curves = {CHAMBER: curves.pop("pressure") - angle, ANGLE: angle, **curves}
-    return _work(chain, values, output, torques), {name: parts @ curve for name, curve in curves.items()}
+    return work, {name: parts @ curve for name, curve in curves.items()}
 
 
 def _parts(chain: ChainInput, rigid: RigidTorque, measured: Array) -> Array:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -22,16 +22,17 @@ WITHIN = 1.0
 """Chi-square above a minimum, and squared standard deviations from it, within which a descent has come back to it."""
 
 
-class DescentTrial(Protocol):
-    """A problem at one point."""
+@dataclass(frozen=True)
+class DescentTrial:
+    """A problem at one point.
 
-    @property
-    def z(self) -> Array:
-        """Free parameters [SI]."""
+    z : (k,) free parameters [SI]
+    chi_square : weighted sum of squares with priors and lift; ``data_chi_square`` without the priors
+    """
 
-    @property
-    def chi_square(self) -> float:
-        """Weighted sum of squares with priors and lift."""
+    z: Array
+    chi_square: float
+    data_chi_square: float
 
 
 T = TypeVar("T", bound=DescentTrial)

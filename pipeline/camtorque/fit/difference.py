@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
-from camtorque.fit.pair import TwoRecordings, at_angle, with_difference
+from camtorque.fit.pair import TwoRecordings, at_angle
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.uncertainty import LEAST_FREEDOM
 from camtorque.laws.chain import ChainOutput, coefficients_of, derivative_by, evaluate
@@ -109,11 +109,6 @@ def along(pair: TwoRecordings, state: PairState, basis: Basis) -> PairState:
     """Return a state in another basis: directions of the same label keep how far they went."""
     gone = dict(zip(state.basis.labels, state.moved.tolist(), strict=True))
     return evaluated(pair, state.before, basis, np.array([gone.get(label, 0.0) for label in basis.labels]))
-
-
-def with_updated_covariance(pair: TwoRecordings, state: PairState) -> TwoRecordings:
-    """Return the pair with the covariance of the difference as it is at a state."""
-    return with_difference(pair, pair.values(state.before), 0.5 * (state.residuals[0] + state.residuals[1]))
 
 
 def linearised(pair: TwoRecordings, state: PairState, columns: Array) -> tuple[Array, Array]:

@@ -29,6 +29,7 @@ import numpy as np
 
 from camtorque import laws
 from camtorque.fit.descent import Effort, free_at
+from camtorque.fit.minima import attempted
 from camtorque.fit.problem import Indices, Problem, build_problem
 from camtorque.fit.solver import Solution, solve
 from camtorque.fit.truncated import Gaussian, log_share_below
@@ -248,15 +249,12 @@ def where_unexplained(evidence: tuple[LossEvidence, ...]) -> tuple[LossEvidence,
 
 
 def _refitted(problem: Problem, solution: Solution, cov: Covariance, names: tuple[str, ...]) -> float:
-    """Return -2 ln Z of the fit without some parameters."""
+    """Return -2 ln Z of the fit without some parameters, nan so far from the data that tangents overflow."""
     fewer = build_problem(problem.data, dict.fromkeys(names, 0.0))
     kept = dict(zip(problem.names, solution.z, strict=True))
     start = np.array([kept[name] for name in fewer.names])
-    try:
-        found = solve(fewer, start, Effort(25), solution.lift)
-    except (FloatingPointError, np.linalg.LinAlgError):
-        return np.nan  # so far from the data without it that the tangents overflow
-    return laplace(fewer, found, cov.inflation)
+    found = attempted(solve, fewer, start, Effort(25), solution.lift)
+    return np.nan if found is None else laplace(fewer, found, cov.inflation)
 
 
 def _size(fit: Weighed, name: str) -> tuple[float, tuple[float, float], str]:

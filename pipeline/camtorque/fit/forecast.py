@@ -28,13 +28,11 @@ from camtorque.fit.known_fit import (
     middle,
     steps,
 )
-from camtorque.fit.problem import LAND_NAMES, NEUTRAL, SPILL_NAMES
+from camtorque.fit.problem import LAND_NAMES, NEUTRAL, SPILL_NAMES, WITHOUT
 from camtorque.fit.shared_lift import SharedLift
 from camtorque.laws import ROWS
 from camtorque.laws.causes import cam_torques, contact_load, measured_torques
 from camtorque.laws.chain import (
-    COLUMN_NAMES,
-    NONLINEAR_NAMES,
     ChainInput,
     ChainOutput,
     coefficients_of,
@@ -234,8 +232,7 @@ def values_of(
     values: Mapping[str, float], source: FittedAt, changes: Mapping[str, float] = MappingProxyType({})
 ) -> dict[str, float]:
     """Return every parameter of the chain; ends that the structure does not have are switched off."""
-    full = {name: (0.0 if name in COLUMN_NAMES else ROWS[name].start) for name in (*NONLINEAR_NAMES, *COLUMN_NAMES)}
-    full.update({name: value for name, value in values.items() if name in full})
+    full = {**WITHOUT, **{name: value for name, value in values.items() if name in WITHOUT}}
     off = {"land": SPILL_NAMES, "spill": LAND_NAMES}.get(source.structure, (*LAND_NAMES, *SPILL_NAMES))
     full.update({name: NEUTRAL[name] for name in off})
     return {name: value * changes.get(name, 1.0) for name, value in full.items()}

@@ -34,6 +34,7 @@ from camtorque.fit.joint_fit import (
     joint_recording,
     pin_shift,
     residual_covariance,
+    softer_shift,
     with_likelier_pin,
 )
 from camtorque.fit.joint_input import (
@@ -44,10 +45,9 @@ from camtorque.fit.joint_input import (
     refuse_two_states,
     with_common_rows,
 )
-from camtorque.fit.joint_shaft import softer_shift
 from camtorque.fit.joint_solver import JointSolution, solve_many
 from camtorque.fit.known_ends import END_OF
-from camtorque.fit.leftout import HeldOut, Predicted, left_out, poor_findings, predicted, settling_findings
+from camtorque.fit.leftout import HeldOut, left_out, poor_findings, predicted, settling_findings
 from camtorque.fit.minima import attempted
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import FitData, Problem, build_problem, in_structure, started_at, with_starts
@@ -265,24 +265,23 @@ def fit_joint(known: Sequence[FittedAlone], read: Callable[[int], JointInput], t
 def _fit_joint(known: Sequence[FittedAlone], read: Callable[[int], JointInput], each: Each) -> CampaignFit:
     refuse_two_states(known)
     places, excluded = list(range(len(known))), []
-    while True:
-        used = [known[k] for k in places]
-        problem, solution = solve_joint(used, each)
-        odd = fitting_no_other(solution.misfits)
-        if not odd:
-            break
+    problem, solution = solve_joint(known, each)
+    while odd := fitting_no_other(solution.misfits):
         excluded += [known[places[k]].name for k in odd]
         places = [place for k, place in enumerate(places) if k not in odd]
+        problem, solution = solve_joint([known[k] for k in places], each)
+    used = [known[k] for k in places]
     problem, solution = with_likelier_pin(problem, solution, each)
     drifts = shared_drifts(used) if len(used) > 2 else ()
     fit = joint_fit_of(used, problem, solution, drifts, each)
     others = left_out(fit)
 
-    def told(index: int) -> tuple[JointRecording, Predicted, float]:
+    def told(index: int) -> tuple[JointRecording, tuple[HeldOut, HeldOut], bool, float]:
         item = read(places[index])
-        return joint_recording(fit, index, item), predicted(fit, others, index, item), item.means.odd_even
+        return joint_recording(fit, index, item), *predicted(fit, others, index, item), item.means.odd_even
 
-    fitted, without, odd_even = zip(*each(told, range(len(used))), strict=True)
+    fitted, without, settled, odd_even = zip(*each(told, range(len(used))), strict=True)
+    held = tuple(row for both in without for row in both)
     shared = tuple(row for row in parameter_estimates(fit.recording(0)) if row.role == "shared")
     findings = (
         *prior_findings(shared),
@@ -294,12 +293,12 @@ def _fit_joint(known: Sequence[FittedAlone], read: Callable[[int], JointInput], 
         *contradiction_findings(contradiction(fit.covariance.inflation, [item.inflation for item in used])),
         *drift_findings(drifts),
         *aside_findings(excluded, [item.name for item, one in zip(used, fitted, strict=True) if not one.explained]),
-        *poor_findings([row for one in without for row in one.held]),
-        *settling_findings([item.name for item, one in zip(used, without, strict=True) if not one.settled]),
+        *poor_findings(held),
+        *settling_findings([item.name for item, one in zip(used, settled, strict=True) if not one]),
     )
     return CampaignFit(
         tuple(item.name for item in used), shared, fitted, problem.names, solution.z,
-        fit.covariance.arrow, tuple(row for one in without for row in one.held), drifts, tuple(excluded), findings,
+        fit.covariance.arrow, held, drifts, tuple(excluded), findings,
         residual_covariance(solution, fit.covariance), shared_lift_from(problem, others.lift),
         joint_evidence(fit, np.array(odd_even), all(one.explained for one in fitted), each),
     )  # fmt: skip

@@ -2,6 +2,9 @@
 
 A recording alone hardly tells needles from a plain bush, and the kind that most are taken for is no more than where to
 begin. One prior in place of the other changes the Gaussian of the joint minimum by what is known without a fit.
+
+Of a stiff shaft all recordings tell the same hyperbola of compliance and inertia (`valleys`), so that their number does
+not end it: it is walked as that of one recording is.
 """
 
 from __future__ import annotations
@@ -14,12 +17,12 @@ from functools import cached_property
 import numpy as np
 
 from camtorque.fit.arrow import Arrow, ArrowCovariance, arrow_inverse
+from camtorque.fit.derived import modelled
 from camtorque.fit.evidence import Weighed, evidence_of, moves_of, prior_of, small_torque, where_unexplained
 from camtorque.fit.joint_input import JointInput
 from camtorque.fit.joint_solver import JointSolution, solve_many
 from camtorque.fit.kinds import ARM, OtherKind, from_log_odds, other_kind
 from camtorque.fit.minima import attempted
-from camtorque.fit.modelled import modelled
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import Problem, build_problem, started_at, with_rows
 from camtorque.fit.residual import is_explained, metrics_of_fit
@@ -28,8 +31,12 @@ from camtorque.fit.single import FittedParameters
 from camtorque.fit.solver import Minimum, with_slopes
 from camtorque.fit.truncated import Gaussian
 from camtorque.fit.uncertainty import LEAST_FREEDOM, Covariance, prior_std
+from camtorque.fit.valleys import COMPLIANCE, Changes, HeldValue, softer
 from camtorque.process.threads import Each, in_turn
 from camtorque.records import APART, EITHER_LOSS, Array, LossEvidence, Metrics, ParameterEstimate, ReadOnly
+
+SHAFT_ITERATIONS = 12
+"""Iterations of a joint descent from one place of the walk along the compliance to the next."""
 
 
 @dataclass(frozen=True)
@@ -197,3 +204,23 @@ def pin_shift(problem: Problem, solution: JointSolution, covariance: JointCovari
     place = problem.index(ARM)
     along = covariance.arrow.times(np.eye(problem.size)[place]) / covariance.std[place] ** 2
     return np.asarray(math.sqrt(from_log_odds(other.log_odds)) * other.moved * along)
+
+
+def softer_shift(problem: Problem, solution: JointSolution, covariance: JointCovariance, each: Each) -> Array:
+    """Return how far all parameters move with a stiff shaft that yields by its deviation more, (k,) [SI].
+
+    The deviation is that of the valley along the compliance; nothing moves where a shaft yields enough.
+    """
+    still, index = np.zeros(problem.size), problem.index(COMPLIANCE)
+    if index < 0:
+        return still
+
+    def follow(near: JointSolution, there: Changes) -> tuple[JointSolution, float, float] | None:
+        held = build_problem([with_rows(item, there) for item in started_at(problem, near.z)])
+        end = attempted(solve_many, held, held.start, SHAFT_ITERATIONS, 0.0, each)
+        return None if end is None else (end, end.chi_square, end.data_chi_square)
+
+    stiff = HeldValue(float(solution.z[index]), solution.chi_square, solution.data_chi_square, solution)
+    row, std = problem.parameters[index].row, float(covariance.std[index])
+    end = softer(stiff, row, std, covariance.inflation, follow)
+    return still if end is None else np.asarray(end.z - solution.z)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from camtorque.fit.arrow import Arrow
-from camtorque.fit.descent import Descent, Effort, free_at, minimise
+from camtorque.fit.descent import Descent, DescentTrial, Effort, free_at, minimise
 from camtorque.fit.problem import Indices, Problem
 from camtorque.fit.solver import (
     LARGEST_INFORMATION,
@@ -87,12 +87,9 @@ class JointSetup:
 
 
 @dataclass(frozen=True)
-class Trial:
+class Trial(DescentTrial):
     """The problem at one point with the best linear parameters; ``paths`` spare the chamber's derivative a search."""
 
-    z: Array
-    chi_square: float
-    data_chi_square: float
     paths: tuple[Callable[[], Array], ...]
 
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from camtorque.fit.derived import modelled
 from camtorque.fit.descent import Effort, free_at
 from camtorque.fit.endings import endings_of, load_for
 from camtorque.fit.forecast import values_of
@@ -23,7 +24,6 @@ from camtorque.fit.joint_input import JointInput
 from camtorque.fit.joint_solver import JointSolution, joint_setup, solve_many, try_at
 from camtorque.fit.known_ends import END_OF, WIDTHS_OF, Curve
 from camtorque.fit.known_fit import FRACTIONS, FittedAt, KnownFit, LoadKnowledge, draws, middle, steps
-from camtorque.fit.modelled import modelled
 from camtorque.fit.problem import NEUTRAL, FitData, Problem, build_problem, started_at, with_starts
 from camtorque.fit.quadratic import bounded_quadratic
 from camtorque.fit.residual import metrics
@@ -192,16 +192,8 @@ def left_out(fit: JointFit) -> LeaveOneOut:
     return LeaveOneOut(shares(fit.problem, fit.solution), known, curves, asked)
 
 
-@dataclass(frozen=True)
-class Predicted:
-    """Both predictions of a recording by the others; whether the fit of the others had settled."""
-
-    held: tuple[HeldOut, ...]
-    settled: bool
-
-
-def predicted(fit: JointFit, others: LeaveOneOut, index: int, item: JointInput) -> Predicted:
-    """Return both predictions of a recording by the others."""
+def predicted(fit: JointFit, others: LeaveOneOut, index: int, item: JointInput) -> tuple[tuple[HeldOut, HeldOut], bool]:
+    """Return both predictions of a recording by the others, and whether the fit of the others had settled."""
     problem = fit.problem
     z, settled = fitted_without(fit, others.found, index)
     shared = {problem.parameters[k].row.name: float(z[k]) for k in others.found.places}
@@ -214,7 +206,7 @@ def predicted(fit: JointFit, others: LeaveOneOut, index: int, item: JointInput) 
     data = with_starts(data, shared)
     own = _prediction(item, data, {**shared, "pressure_zero": 0.0}, MODES[0], correction)
     blind = {**shared, **dict.fromkeys(("pressure_zero", "torque_zero", *ripple.NAMES), 0.0), **ends}
-    return Predicted((own, _prediction(item, with_starts(data, blind), blind, MODES[1], correction)), settled)
+    return (own, _prediction(item, with_starts(data, blind), blind, MODES[1], correction)), settled
 
 
 def typical(known: KnownFit, data: FitData, shared: Mapping[str, float], ends: Mapping[str, float]) -> dict[str, float]:
@@ -250,16 +242,12 @@ def _prediction(item: JointInput, data: FitData, held: Mapping[str, float], mode
     z = solve(problem, None, Effort(20)).z if problem.size else np.zeros(0)
     means = item.means
     torque = modelled(problem, z, 0, lift, item.measured, (means.held_torque, means.held_pressure)).torque
-    if mode == "blind" and _zero_unknown(item):
+    prior = item.data.rows["torque_zero"].prior
+    zero_unknown = prior is None or prior[1] > ZERO_SPREAD_SHARE * float(np.max(means.torque_all))
+    if mode == "blind" and zero_unknown:
         torque = torque + float(np.mean(means.held_torque) - np.mean(torque))
     scored = metrics(means.held_torque, torque, item.rigid_torque, item.lift, item.lift_velocity)
     return HeldOut(data.name, mode, problem.names, scored)
-
-
-def _zero_unknown(item: JointInput) -> bool:
-    prior = item.data.rows["torque_zero"].prior
-    peak = float(np.max(item.means.torque_all))
-    return prior is None or prior[1] > ZERO_SPREAD_SHARE * peak
 
 
 def predicted_end(known: KnownFit, curves: Mapping[str, Curve], item: FitData) -> dict[str, float]:

@@ -34,10 +34,6 @@ WIDEST_STEP = np.radians(6.0) * (1.0 + 1e-9)
 def curve_through(file: PressureCurve, name: str) -> Curve:
     """Return the line pressure of a file's points on the grid of a fit, with how well; its speed is not known (nan).
 
-    Parameters
-    ----------
-    name : of the file
-
     Raises
     ------
     Refusal : no pressure, or so few points that what lies between them is a guess
@@ -67,12 +63,7 @@ def curve_through(file: PressureCurve, name: str) -> Curve:
 
 
 def refuse_other_load(curve: Curve, fitted: Iterable[Curve], name: str) -> None:
-    """Refuse a file whose highest pressure is so far from those of the fitted recordings that its unit is another.
-
-    Raises
-    ------
-    Refusal : see above
-    """
+    """Refuse a file whose highest pressure is so far from those of the fitted recordings that its unit is another."""
     top, (low, high) = float(np.max(curve.pressure)), top_range(fitted)
     if not low / SLIP < top < SLIP * high:
         raise Refusal(
@@ -111,12 +102,7 @@ def rise_range(fitted: Iterable[Curve]) -> tuple[float, float]:
 
 
 def refuse_below_line(curve: Curve, chamber: Array, name: str) -> None:
-    """Refuse a line pressure that the plunger does not make: the chamber's (n,) stays below it [Pa].
-
-    Raises
-    ------
-    Refusal : see above
-    """
+    """Refuse a line pressure that the plunger does not make: the chamber's (n,) stays below it [Pa]."""
     top, made = float(np.max(curve.pressure)), float(np.max(chamber))
     if made < BELOW * top:
         raise Refusal(

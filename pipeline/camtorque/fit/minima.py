@@ -96,10 +96,8 @@ class Halves:
         twisting = self.other.chain.shaft_torque + lost
         chain = replace(item.data.chain, line_pressure=self.other.chain.line_pressure, shaft_torque=twisting)
         problem = build_problem([replace(item.data, torque=self.other.torque, chain=chain)])
-        try:
-            there = try_at(problem, item.solution.z, item.solution.lift).data_chi_square
-        except (FloatingPointError, np.linalg.LinAlgError):
-            there = FALLEN
+        trial = attempted(try_at, problem, item.solution.z, item.solution.lift)
+        there = FALLEN if trial is None else trial.data_chi_square
         return replace(item, holdout_penalty=0.5 * (there - item.solution.data_chi_square))
 
     def minimum(self, fit: Callable[..., Candidate], *arguments: object) -> Candidate | None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from camtorque.fit.minima import Candidate
 from camtorque.fit.prepare import INDEPENDENT, binned_at_centres, on_grid
-from camtorque.fit.problem import FitData, build_problem
+from camtorque.fit.problem import FitData
 from camtorque.fit.residual import mean_square_about
 from camtorque.fit.rig_rows import zero_rows
 from camtorque.fit.single import Prepared
@@ -180,8 +180,10 @@ def angle_between(one: Array, other: Array) -> float:
 def _weights(bare: tuple[TwoRecordings, Candidate]) -> dict[str, Any]:
     """Return what a pair lacks until it is weighed, by the minimum of the first recording that it stands at."""
     pair, start = bare
-    noise = scatter_of_both(pair, pair.fixed)
-    mean_root = root_of(mean_covariance(pair.items[0], start) + noise / 4.0)
+    item, lift = pair.items[0], lift_at(start.problem, start.solution.z)
+    modes = lift.vectors * lift.strength / item.weight[:, None]
+    noise, laws = scatter_of_both(pair, pair.fixed), np.diag(1.0 / item.weight**2) + modes @ modes.T
+    mean_root = root_of(laws + noise / 4.0)
     return {"mean_root": mean_root, **_difference_weights(pair, pair.fixed, noise, np.zeros(BINS))}
 
 
@@ -238,14 +240,6 @@ def _mean_torque(side: Prepared) -> Array:
     """Return the mean torque of all used cycles [N m]."""
     assert side.cycles.torque is not None
     return np.asarray(np.mean(side.cycles.torque, axis=0))
-
-
-def mean_covariance(item: FitData, start: Candidate) -> Array:
-    """Return the covariance of what the laws and the lift table leave, (BINS, BINS) [(N m)^2]."""
-    problem = build_problem([start.data])
-    lift = lift_at(problem, start.solution.z)
-    modes = lift.vectors * lift.strength / item.weight[:, None]
-    return np.asarray(np.diag(1.0 / item.weight**2) + modes @ modes.T)
 
 
 def mean_scatter(cycles: CamCycles, item: FitData, values: Mapping[str, float], own: Sequence[str]) -> Array:

@@ -70,7 +70,9 @@ def next_measurement(fit: Fit) -> tuple[str, ...]:
 def proposals(fit: Fit) -> list[tuple[str, Array]]:
     """Return what could be recorded next and the covariance expected after it."""
     information = inverse(fit.covariance.matrix)
-    result = [(TOOTH, inverse(information + _tooth(fit)))]
+    turned = tooth_shifts(fit.problem.data[0].chain, fit.solution.output)
+    row = np.array([turned.get(parameter.row.name, 0.0) for parameter in fit.problem.parameters])
+    result = [(TOOTH, inverse(information + np.outer(row, row) / TOOTH_STD**2))]
     for factor in SPEED_FACTORS:
         rpm = fit.problem.data[0].chain.speed * factor * 30.0 / np.pi
         total = _joined(fit, information, factor)
@@ -88,14 +90,6 @@ def tooth_shifts(chain: ChainInput, output: ChainOutput) -> dict[str, float]:
         for name, column in zip(SHIFT_NAMES, columns, strict=True)
         if name != "trigger_offset"
     }
-
-
-def _tooth(fit: Fit) -> Array:
-    """Return the information that the angle between two teeth brings."""
-    problem = fit.problem
-    turned = tooth_shifts(problem.data[0].chain, fit.solution.output)
-    row = np.array([turned.get(parameter.row.name, 0.0) for parameter in problem.parameters])
-    return np.outer(row, row) / TOOTH_STD**2
 
 
 def _joined(fit: Fit, information: Array, factor: float) -> Array:

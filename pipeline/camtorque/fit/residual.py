@@ -80,10 +80,8 @@ def residual_bumps(residual: Array, repeat: Array, fitted: Any) -> tuple[Residua
     n = residual.size
     width = max(1, round(n * BUMP_WINDOW_DEG / 360.0))
     level = float(np.sqrt(np.mean(repeat**2))) + 1e-12
-    smooth = np.sqrt(
-        np.convolve(np.r_[residual[-width:], residual, residual[:width]] ** 2, np.ones(width) / width, "same")
-    )
-    smooth = smooth[width:-width]
+    padded = np.pad(residual, width, "wrap") ** 2
+    smooth = np.sqrt(np.convolve(padded, np.ones(width) / width, "same")[width:-width])
     bumps, angles = [], fitted.chain.theta
     first = int(np.argmin(smooth))  # where it is quiet, so that a bump across the zero of the angle is one
     quiet, turned = np.roll(smooth, -first), np.roll(residual, -first)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from camtorque.fit.derived import delivered_volume, derived_estimates, sureness
+from camtorque.fit.derived import Modelled, delivered_volume, derived_estimates, model_on_grid, resampled, sureness
 from camtorque.fit.findings import (
     fit_findings,
     frictionless_findings,
@@ -16,7 +16,6 @@ from camtorque.fit.findings import (
     prior_findings,
     table_findings,
 )
-from camtorque.fit.modelled import Modelled, model_on_grid, resampled
 from camtorque.fit.planning import next_measurement
 from camtorque.fit.prepare import MeanCycles
 from camtorque.fit.problem import SEPARATOR, STRUCTURES
@@ -67,13 +66,7 @@ WORTH_TELLING = 0.01
 def fitted_torque(
     fit: Fit, recording: Recording, cycles: CamCycles, rigid: RigidTorque, means: MeanCycles
 ) -> FittedTorque:
-    """Return the record of a fit.
-
-    Parameters
-    ----------
-    fit : full model of the recording
-    recording, cycles, rigid, means : the recording, its cycles, rigid solution and mean cycles
-    """
+    """Return the record of a fit."""
     fitted = model_on_grid(fit, means.torque, means.pressure)
     held = model_on_grid(fit, means.held_torque, means.held_pressure)
     parameters = parameter_estimates(fit)

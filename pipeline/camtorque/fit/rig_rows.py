@@ -9,7 +9,7 @@ import numpy as np
 from camtorque.align.budget import wandered_std
 from camtorque.config import FluidSpec, PumpData, RecordingConfig
 from camtorque.laws import ROWS, ripple
-from camtorque.laws.fuels import fuel_temperature, modulus_prior, viscosity_ratio
+from camtorque.laws.fluid import fuel_temperature, modulus_prior, viscosity_ratio
 from camtorque.laws.ports import DISCHARGE
 from camtorque.laws.rows import ParameterRow
 from camtorque.laws.sensor import BUTTERWORTH, LEAST_DAMPING, MOST_DAMPING, STEEP

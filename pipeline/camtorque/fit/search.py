@@ -18,7 +18,9 @@ from camtorque.fit.problem import FitData, in_structure, with_starts
 from camtorque.fit.residual import explains
 from camtorque.fit.solver import no_lift
 from camtorque.fit.starts import (
+    COUPLINGS,
     RETRACTIONS,
+    RINGINGS,
     SMOOTHINGS_DEG,
     Start,
     Starts,
@@ -29,11 +31,10 @@ from camtorque.fit.starts import (
     expected,
     first_starts,
     on_search_grid,
-    with_couplings,
+    scanned,
     with_heavier_cams,
     with_hubs,
     with_hubs_alone,
-    with_ringing,
 )
 from camtorque.laws import chamber, valve
 from camtorque.laws.chain import SENSOR_NAMES
@@ -211,12 +212,12 @@ def scanned_again(found: SearchState, _seen: FitData) -> Items:
     return {name: rescanned(start, name) for name in likely(found)}
 
 
-def within_structure(more: Callable[[Start], list[FitData]]) -> Callable[[SearchState, FitData], Items]:
-    """Return a move that changes the best start within its structure."""
+def within_structure(more: Callable[..., list[FitData]], *given: object) -> Callable[[SearchState, FitData], Items]:
+    """Return a move that changes the best start within its structure; ``given`` stands behind that start."""
 
     def moved(found: SearchState, _seen: FitData) -> Items:
         start = found.start
-        return {start.data.structure: more(start)}
+        return {start.data.structure: more(start, *given)}
 
     return moved
 
@@ -238,8 +239,8 @@ class Move:
 MOVES: dict[str, Move] = {
     "end of delivery": Move(scanned_again, SMOOTHINGS_DEG[2:], 0.0),
     "outlet on the return": Move(within_structure(outlet_opening_again), SMOOTHINGS_DEG[2:], UNSURE),
-    "ringing": Move(within_structure(with_ringing), UNSMOOTHED, UNSURE),
-    "coupling": Move(within_structure(with_couplings), UNSMOOTHED, DOUBTFUL),
+    "ringing": Move(within_structure(scanned, RINGINGS, "shaft_resonance"), UNSMOOTHED, UNSURE),
+    "coupling": Move(within_structure(scanned, COUPLINGS, "coupling_resonance"), UNSMOOTHED, DOUBTFUL),
     "heavier cam": Move(within_structure(with_heavier_cams), UNSMOOTHED, SUSPECT),
     "hub": Move(within_structure(with_hubs), UNSMOOTHED, SUSPECT),
     "load anew": Move(load_anew, SMOOTHINGS_DEG, UNEXPLAINED),
@@ -258,11 +259,6 @@ def stages(halves: Halves, structures: tuple[str, ...], most: Hops = HOPS) -> It
     """Yield what was done last and what was found so far, until the search ends.
 
     Further moves are for recordings that are not explained yet; each is made again after others have helped much.
-
-    Parameters
-    ----------
-    structures : that are tried
-    most : hops between minima
     """
     seen = SearchData(halves, np.zeros(halves.fitted.chain.theta.size))
     compile_in_two(seen.on_search_grid)
@@ -297,7 +293,8 @@ def with_lost_torque_anew(seen: SearchData, found: SearchState) -> tuple[SearchD
 
 def extended(found: SearchState, more: Starts, seen: SearchData) -> SearchState:
     """Return what was found with further starts and the minima that the promising ones among them lead to."""
-    starts = joined(found.starts, more)
+    starts = {name: sorted([*group, *more.get(name, [])], key=lambda start: start.chi_square)
+              for name, group in found.starts.items()}  # fmt: skip
     least = min((group[0].chi_square for group in starts.values() if group), default=0.0)
     new = sorted((start for group in more.values() for start in group[:OF_A_STRUCTURE]), key=lambda s: s.chi_square)
     new = [start for start in new[:POLISHED] if start.chi_square < PROMISING_TIMES * least + PROMISING_PLUS]
@@ -317,9 +314,3 @@ def likely(found: SearchState) -> list[str]:
         return names
     limit = FAR * min(found.starts[name][0].chi_square for name in names if found.starts[name]) + UNEXPLAINED
     return [name for name in names if not found.starts[name] or found.starts[name][0].chi_square < limit]
-
-
-def joined(one: Starts, other: Starts) -> dict[str, list[Start]]:
-    """Return the starts of both by structure, best first."""
-    return {name: sorted([*group, *other.get(name, [])], key=lambda start: start.chi_square)
-            for name, group in one.items()}  # fmt: skip

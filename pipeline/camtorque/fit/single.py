@@ -49,7 +49,7 @@ from camtorque.fit.uncertainty import (
 )
 from camtorque.fit.valleys import TRIGGER_ANGLE, Valley, profile_trigger_angle, softer_shaft, turned_round
 from camtorque.laws.chain import BINS, binned
-from camtorque.mechanism.spectral import spectral_law
+from camtorque.mechanism.lift_laws import spectral_law
 from camtorque.process.second_process import in_two
 from camtorque.records import Array, CamCycles, LossEvidence, Recording, Refusal, RigidTorque
 from camtorque.units import DEGREE

@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from camtorque.fit.descent import Descent, Effort, free_at, minimise, promised
+from camtorque.fit.descent import Descent, DescentTrial, Effort, free_at, minimise, promised
 from camtorque.fit.problem import FitData, Indices, Problem
 from camtorque.fit.quadratic import bounded_quadratic, bounded_step, scaled_columns, weighted_columns
 from camtorque.laws.chain import BINS, NONLINEAR_NAMES, ChainOutput, evaluate, filtered, transfer
@@ -114,35 +114,27 @@ def lift_modes(
 
 
 @dataclass(frozen=True)
-class Trial:
+class Trial(DescentTrial):
     """The problem at one point with the best linear parameters.
 
     ``residual`` is weighted (and smoothed); ``output`` is without the derivative.
     """
 
-    z: Array
     output: ChainOutput
     residual: Array
-    chi_square: float
-    data_chi_square: float
 
 
 @dataclass(frozen=True)
-class Minimum(ReadOnly):
+class Minimum(DescentTrial, ReadOnly):
     """Where a descent ended, of one recording or of many.
 
     Attributes
     ----------
-    z : (k,) free parameters [SI]
-    chi_square : weighted sum of squares with priors and lift; ``data_chi_square`` without the priors
     gradient : (k,) half of how much chi-square falls with each parameter [1/SI]
     iterations, evaluations : what it cost
     converged : whether an undamped step promises nothing more
     """
 
-    z: Array
-    chi_square: float
-    data_chi_square: float
     gradient: Array
     iterations: int
     evaluations: int
@@ -231,7 +223,7 @@ def try_at(
     fixed[first:] = c
     residual = target - columns @ c
     chi = float(lift.product(residual, residual))
-    return Trial(fixed, output, residual, chi + float(np.sum(((fixed - means) / stds) ** 2)), chi)
+    return Trial(fixed, chi + float(np.sum(((fixed - means) / stds) ** 2)), chi, output, residual)
 
 
 def with_slopes(problem: Problem, z: Array, index: int, known: Array = NO_PATH) -> tuple[ChainOutput, Array]:

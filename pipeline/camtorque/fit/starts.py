@@ -60,7 +60,8 @@ RINGINGS = tuple(
     {"shaft_resonance": 2.0 * np.pi * hertz, "shaft_damping_ratio": ratio}
     for ratio, count in ((0.02, 72), (0.06, 36), (0.2, 18)) for hertz in np.geomspace(120.0, 2600.0, count)
 )  # fmt: skip
-"""Shafts on which the cam rings: the true ones stand in a narrow dip of frequency."""
+"""Shafts on which the cam rings, lightly damped: the true ones stand in a narrow dip of frequency. Ringing is invisible
+while the residual is smoothed, and an overdamped shaft does not find it afterwards."""
 CAM_SIDES = (1.0, 1.4, 2.0, 3.0)
 """Inertias of the cam's side that are tried, over the sheet's cam."""
 STIFFER = (1.0, 0.7, 0.5)
@@ -256,19 +257,6 @@ def best_of(items: list[FitData]) -> list[FitData]:
         order = sorted((end for end in ends if end), key=lambda end: end.chi_square)
         items = [end.data for end in order[:kept]]
     return items
-
-
-def with_ringing(best: Start) -> list[FitData]:
-    """Return the best start with the shaft ringing at other frequencies, lightly damped: the best of a scan.
-
-    Ringing is invisible while the residual is smoothed, and an overdamped shaft does not find it afterwards.
-    """
-    return scanned(best, RINGINGS, "shaft_resonance")
-
-
-def with_couplings(best: Start) -> list[FitData]:
-    """Return the best start with the coupling swinging at other frequencies: the best of a scan."""
-    return scanned(best, COUPLINGS, "coupling_resonance")
 
 
 def with_heavier_cams(best: Start) -> list[FitData]:

@@ -194,9 +194,7 @@ def without_spikes(pressure: Array, std: Array) -> Array:
 
 def _around(values: Array, half: int) -> Array:
     """Return periodic values (n,) about each of them, (n, 2 half + 1)."""
-    return np.lib.stride_tricks.sliding_window_view(
-        np.concatenate([values[-half:], values, values[:half]]), 2 * half + 1
-    )
+    return np.lib.stride_tricks.sliding_window_view(np.pad(values, half, "wrap"), 2 * half + 1)
 
 
 @dataclass(frozen=True)

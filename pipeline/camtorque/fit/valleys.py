@@ -17,7 +17,7 @@ looks narrow where the compliance is at its bound.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Generic, NamedTuple, TypeVar
@@ -66,6 +66,8 @@ WALKED = 9.0
 DEEPER = 1.0
 """Fall of chi-square on the walk from which a minimum is sought there; it has to gain `GAINED`."""
 E = TypeVar("E")
+Changes = Mapping[str, Mapping[str, object]]
+Follow = Callable[[E, Changes], tuple[E, float, float] | None]
 
 
 class HeldValue(NamedTuple, Generic[E]):
@@ -184,11 +186,8 @@ def softer_shaft(best: Candidate, halves: Halves) -> Candidate | None:
     if index < 0:
         return None
     cov = covariance(best.problem, best.solution)
-
-    def held(near: Candidate, places: Array) -> Iterator[HeldValue[Candidate]]:
-        return _held(near, halves, COMPLIANCE, places)
-
-    return softer(_unheld(best, COMPLIANCE), best.data.rows[COMPLIANCE], float(cov.std[index]), cov.inflation, held)
+    row = best.data.rows[COMPLIANCE]
+    return softer(_unheld(best, COMPLIANCE), row, float(cov.std[index]), cov.inflation, partial(_follow, best, halves))
 
 
 def softer(
@@ -196,7 +195,7 @@ def softer(
     row: ParameterRow,
     std: float,
     inflation: float,
-    held: Callable[[E, Array], Iterable[HeldValue[E]]],
+    follow: Follow[E],
 ) -> E | None:
     """Return the fit with a shaft that is more compliant by the deviation of the valley, None as in `softer_shaft`.
 
@@ -204,18 +203,18 @@ def softer(
     ----------
     stiff : the minimum, whose compliance is free
     row, std, inflation : of the compliance, its standard deviation there [SI], and that of the residual's variance
-    held : fit and compliances [SI] -> fits with these held, each from the one before
+    follow : as in `held_at`
     """
     if stiff.place > row.lower + STIFF * std:
         return None
     places = np.asarray(stiff.place * FACTOR ** np.arange(1.0, MOST_FACTORS + 1.0), dtype=np.float64)
-    ends = held(stiff.end, places[places < row.upper])
+    ends = held_at(row, places[places < row.upper], stiff.end, follow)
     points = [stiff, *_until_risen(ends, stiff.chi_square, WALKED * inflation)]
     yielding = stiff.place + _valley(stiff.place, points).std(inflation)
     if not np.isfinite(yielding):
         return None
     nearest = max((point for point in points if point.place <= yielding), key=lambda point: point.place)
-    return next((point.end for point in held(nearest.end, np.array([yielding]))), None)
+    return next((point.end for point in held_at(row, np.array([yielding]), nearest.end, follow)), None)
 
 
 def _valley(at: float, points: Sequence[HeldValue[E]]) -> Valley:
@@ -256,17 +255,24 @@ def _one_way(best: Candidate, halves: Halves, rise: float, step: float) -> list[
     row = best.data.rows[TRIGGER_ANGLE]
     places = float(best.solution.z[best.problem.index(TRIGGER_ANGLE)]) + step * np.arange(1.0, MOST_STEPS + 1.0)
     inside = places[(row.lower <= places) & (places <= row.upper)]
-    return _until_risen(_held(best, halves, TRIGGER_ANGLE, inside), best.value, rise)
+    return _until_risen(held_at(row, inside, best, partial(_follow, best, halves)), best.value, rise)
 
 
-def _held(best: Candidate, halves: Halves, name: str, places: Array) -> Iterator[HeldValue[Candidate]]:
-    """Yield fits with a parameter held, each from the one before, with the lift correction of the minimum."""
-    mean, std = best.data.rows[name].prior or (0.0, np.inf)
-    item = best.data
+def held_at(row: ParameterRow, places: Array, near: E, follow: Follow[E]) -> Iterator[HeldValue[E]]:
+    """Yield fits with a parameter held at some places [SI], each from the one before.
+
+    ``follow``: a fit and what is held of it -> the next one with its chi-squares, None where it ends nowhere.
+    """
+    mean, std = row.prior or (0.0, np.inf)
     for place in places.tolist():
-        there = with_rows(item, {name: {"start": place, "prior": (place, HELD)}})
-        end = halves.minimum(at_minimum, there, A_STEP, best.solution.lift)
-        if end is None:
+        found = follow(near, {row.name: {"start": place, "prior": (place, HELD)}})
+        if found is None:
             return
-        item = end.data
-        yield HeldValue(place, end.value + ((place - mean) / std) ** 2, end.data_value, end)
+        near, chi_square, of_data = found
+        yield HeldValue(place, chi_square + ((place - mean) / std) ** 2, of_data, near)
+
+
+def _follow(best: Candidate, halves: Halves, near: Candidate, there: Changes) -> tuple[Candidate, float, float] | None:
+    """Return the fit with something held from the one near it, with the lift correction of the minimum."""
+    end = halves.minimum(at_minimum, with_rows(near.data, there), A_STEP, best.solution.lift)
+    return None if end is None else (end, end.value, end.data_value)

@@ -10,8 +10,7 @@ Source: data sheets of torque transducers: 0.1-1 % of a bending moment.
 from __future__ import annotations
 
 from camtorque.compiled import njit
-from camtorque.laws.columns import on_contact, on_shaft
-from camtorque.laws.rows import Law, parameter
+from camtorque.laws.rows import Law, on_contact, on_shaft, parameter
 
 ROWS = (
     parameter("bending_cosine", "a_c", "um", 1.0e-6, (0.0, -1000.0, 1000.0, 10.0), (0.0, 30.0),

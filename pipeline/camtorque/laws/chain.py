@@ -93,19 +93,18 @@ class ChainInput(ReadOnly):
     in_signal: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        seen = highest_order(self.deviation)
-        twist = driveline.twist_basis(self.shaft_torque, self.speed, self.trigger_angle, seen)
-        object.__setattr__(self, "twist", twist)
-        lift = self.law.evaluate(self.theta, 0)
-        object.__setattr__(self, "top_lift", float(np.max(lift)))
-        object.__setattr__(self, "top_angle", float(self.theta[np.argmax(lift)]))
-        if self.substeps.size == 0:
-            object.__setattr__(self, "substeps", np.ones(self.theta.size, dtype=np.int64))
+        seen, lift = highest_order(self.deviation), self.law.evaluate(self.theta, 0)
         pump = replace(self.pump, follower_offset=self.offset)
-        constants = constants_of(pump, Mounting(), NO_FRICTION)._replace(cam_inertia=0.0)
-        object.__setattr__(self, "constants", constants)
         waves = ripple.binned_waves(self.ripple_order, BINS, self.theta.size)
-        object.__setattr__(self, "in_signal", np.column_stack([np.ones(BINS), waves]))
+        made = {
+            "twist": driveline.twist_basis(self.shaft_torque, self.speed, self.trigger_angle, seen),
+            "top_lift": float(np.max(lift)), "top_angle": float(self.theta[np.argmax(lift)]),
+            "substeps": self.substeps if self.substeps.size else np.ones(self.theta.size, dtype=np.int64),
+            "constants": constants_of(pump, Mounting(), NO_FRICTION)._replace(cam_inertia=0.0),
+            "in_signal": np.column_stack([np.ones(BINS), waves]),
+        }  # fmt: skip
+        for name, value in made.items():
+            object.__setattr__(self, name, value)
         super().__post_init__()
 
 

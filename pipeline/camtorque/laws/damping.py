@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from camtorque.compiled import njit
-from camtorque.laws.columns import on_plunger, on_shaft
-from camtorque.laws.rows import Law, parameter
+from camtorque.laws.rows import Law, on_plunger, on_shaft, parameter
 
 ROWS = (
     parameter("shaft_viscous", "c_s", "N m s/rad", 1.0, (0.0, 0.0, 0.1, 0.001), (0.005, 0.01),

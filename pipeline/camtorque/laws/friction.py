@@ -13,8 +13,7 @@ Source: Andersson, Tribology International 40 (2007); bearings 0.001-0.005 rolli
 from __future__ import annotations
 
 from camtorque.compiled import njit
-from camtorque.laws.columns import on_contact, on_shaft
-from camtorque.laws.rows import Law, parameter
+from camtorque.laws.rows import Law, on_contact, on_shaft, parameter
 
 ROWS = (
     parameter("bearing_arm", "mu r", "um", 1.0e-6, (0.0, 0.0, 2000.0, 30.0), (150.0, 200.0),

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from camtorque.compiled import njit
-from camtorque.laws.columns import on_plunger
-from camtorque.laws.rows import Law, parameter
+from camtorque.laws.rows import Law, on_plunger, parameter
 
 ROWS = (
     parameter("packing_force", "F_p", "N", 1.0, (0.0, 0.0, 400.0, 5.0), (0.0, 30.0),

@@ -10,8 +10,7 @@ At 1900 rpm a roller of four times the disk that its contact width gives takes 0
 from __future__ import annotations
 
 from camtorque.compiled import njit
-from camtorque.laws.columns import on_shaft
-from camtorque.laws.rows import Law, parameter
+from camtorque.laws.rows import Law, on_shaft, parameter
 
 ROWS = (
     parameter("roller_inertia", "I_r", "kg mm^2", 1.0e-6, (0.6, 0.0, 50.0, 0.3), (1.2, 1.2),

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from camtorque.compiled import njit
-from camtorque.laws.columns import on_plunger
-from camtorque.laws.rows import Law, parameter
+from camtorque.laws.rows import Law, on_plunger, parameter
 
 ROWS = (
     parameter("spring_stiffness_error", "d_k", "%", 0.01, (0.0, -15.0, 15.0, 1.0), (0.0, 2.0),

@@ -19,7 +19,7 @@ import numpy as np
 
 from camtorque.compiled import njit
 from camtorque.laws import LAWS, LINEAR_NAMES, ON_BRIDGE
-from camtorque.laws.columns import At
+from camtorque.laws.rows import At
 from camtorque.mechanism.friction import guide_share, guide_share_by, sliding_sign, sliding_sign_by
 from camtorque.mechanism.kinematics import path_at
 from camtorque.mechanism.torque import axial_force

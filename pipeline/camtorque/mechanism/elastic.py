@@ -24,9 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from camtorque.mechanism.collocation import solve_orbit
 from camtorque.mechanism.mounting import PumpUnit
-from camtorque.mechanism.periodic import Shaft, lobe_rows, lobe_tables, periodic_curve, solve_periodic
+from camtorque.mechanism.periodic import Shaft, lobe_rows, lobe_tables, periodic_curve, solve_orbit, solve_periodic
 from camtorque.records import Array, ReadOnly, Refusal
 from camtorque.units import TURN, angle_grid
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from camtorque.jsonable import jsonable
 from camtorque.laws import ROWS
-from camtorque.laws.fuels import fuel_temperature
+from camtorque.laws.fluid import fuel_temperature
 from camtorque.limits import judge, limits_document
 from camtorque.records import (
     Alternative,

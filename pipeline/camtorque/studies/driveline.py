@@ -22,10 +22,9 @@ from scipy.interpolate import CubicSpline
 from camtorque.compiled import njit
 from camtorque.laws.chain import filtered
 from camtorque.laws.driveline import COUPLING_ROWS, ROWS, compliance, shaft_transfer
-from camtorque.mechanism.collocation import solve_orbit
 from camtorque.mechanism.elastic import ElasticShaft, solve_by_harmonics, solve_elastic
 from camtorque.mechanism.mounting import PumpUnit
-from camtorque.mechanism.periodic import lobe_rows
+from camtorque.mechanism.periodic import lobe_rows, solve_orbit
 from camtorque.records import Array
 from camtorque.studies.case import SPEED, knotted_law, peak_error, study_pressure, study_pump
 from camtorque.studies.table import Chart, Choice, measured
