@@ -108,6 +108,11 @@ def _inverse(solution: JointSolution, before: Array, inflation: float) -> ArrowC
     return arrow_inverse(replace(solution.hessian, blocks=information, diagonal=1.0 / before**2))
 
 
+def unbounded_mean(solution: JointSolution, covariance: JointCovariance) -> Array:
+    """Return the mean (k,) [SI] of the Gaussian whose maximum within the bounds is a joint minimum (`posterior_at`)."""
+    return np.asarray(solution.z + covariance.arrow.times(solution.gradient / covariance.inflation))
+
+
 def residual_covariance(solution: JointSolution, covariance: JointCovariance) -> ArrowCovariance | None:
     """Return the covariance that the residual alone shows, None where the weights admit no more than that.
 
@@ -158,13 +163,12 @@ def joint_evidence(fit: JointFit, odd_even: Array, explained: bool, each: Each =
     """
     problem, solution, cov = fit.problem, fit.solution, fit.covariance
     shared = cov.arrow.shared
-    mean = solution.z + cov.arrow.times(solution.gradient / cov.inflation)
     small = small_torque(
         float(np.sqrt(np.mean(odd_even**2))), float(np.mean([np.mean(item.torque) for item in problem.data]))
     )
     # never of all parameters: their matrix grows with the square of the recordings
     before = prior_of(problem, cov.prior_std, shared)
-    known = Gaussian(mean[shared], cov.arrow.matrix, before.lower, before.upper)
+    known = Gaussian(unbounded_mean(solution, cov)[shared], cov.arrow.matrix, before.lower, before.upper)
     rows = tuple(problem.parameters[k].row for k in shared)
     losses = (*APART, EITHER_LOSS)
 
@@ -192,7 +196,7 @@ def other_kind_at(problem: Problem, solution: JointSolution, covariance: JointCo
     place = problem.index(ARM)
     if place < 0:
         return None
-    mean = float((solution.z + covariance.arrow.times(solution.gradient / covariance.inflation))[place])
+    mean = float(unbounded_mean(solution, covariance)[place])
     return other_kind(problem.parameters[place].row, mean, float(covariance.std[place]))
 
 
