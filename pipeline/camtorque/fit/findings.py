@@ -26,7 +26,7 @@ MOUNTING, EDGE, BEYOND = "trigger_offset", math.sqrt(3.0), 2.0
 """A mounting tolerance is a rectangle whose edge lies at so many standard deviations: what lies so many of its own
 standard uncertainties beyond is told."""
 
-LOADED, NO_FRICTION = ("bearing_arm", "pin_arm", "guide_friction"), 0.02
+LOAD_FRICTIONS, NO_FRICTION = ("bearing_arm", "pin_arm", "guide_friction"), 0.02
 """Frictions that grow with the load, and the share of what is expected of each below which it is none."""
 
 
@@ -114,8 +114,10 @@ def light_cam_findings(parameters: Sequence[ParameterEstimate], cam_inertia: flo
 
 def frictionless_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ...]:
     """Return the finding on a pump in which nothing rubs the more the more it is loaded."""
-    rows = [(row, row.prior[0]) for row in parameters if row.name in LOADED and row.prior is not None]
-    if len(rows) < len(LOADED) or any(row.value > NO_FRICTION * mean or row.ci95[1] > mean for row, mean in rows):
+    rows = [(row, row.prior[0]) for row in parameters if row.name in LOAD_FRICTIONS and row.prior is not None]
+    if len(rows) < len(LOAD_FRICTIONS) or any(
+        row.value > NO_FRICTION * mean or row.ci95[1] > mean for row, mean in rows
+    ):
         return ()
     most = ", ".join(f"{short(row.ci95[1], 2)} {row.unit}".removesuffix(" -") for row, _ in rows)
     text = (

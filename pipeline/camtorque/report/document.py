@@ -33,6 +33,9 @@ from camtorque.version import __version__
 
 SENTENCES = ("text", "meaning", "source", "next_measurement")
 """Keys whose values are read by people."""
+MM3 = 1.0e-9
+LOADED_SHARE = 0.3
+"""Share of the rebuilt peak above which an angle counts as loaded."""
 
 
 def result_document(result: RunResult) -> dict[str, Any]:
@@ -219,11 +222,6 @@ def _forces(fitted: FittedTorque) -> dict[str, Any]:
 def _largest(values: np.ndarray) -> float:
     finite = values[np.isfinite(values)]
     return float(finite.max()) if finite.size else float("nan")
-
-
-MM3 = 1.0e-9
-LOADED_SHARE = 0.3
-"""Share of the rebuilt peak above which an angle counts as loaded."""
 
 
 def measured_chamber(result: RunResult) -> Array | None:
