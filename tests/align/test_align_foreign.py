@@ -16,7 +16,8 @@ import pytest
 from align_truth import TWO_PI, Shaft, angle_error_deg
 from camtorque import cli
 from camtorque.align import align
-from camtorque.align.teeth import missing_tooth_steps
+from camtorque.align.teeth import missing_tooth_steps, number_teeth
+from camtorque.config import TriggerSpec
 from camtorque.ingest import read_recording
 from camtorque.records import CamCycles, Refusal
 from camtorque.units import RPM
@@ -258,6 +259,20 @@ def test_first_interval_long_deletes_no_teeth() -> None:
     k = np.arange(600)
     teeth = k[k % 60 < 58] * 0.1 / 60.0
     late = np.r_[-3.0, -2.99, teeth]
-    train, _ = missing_tooth_steps(late, 2)
+    train, _ = missing_tooth_steps(late, TriggerSpec(0.0, 0.1, pulses_per_rev=60, missing_teeth=2))
     assert train.time.size == late.size
     assert train.counts["doubled"] == 0
+
+
+@pytest.mark.parametrize(("n", "lost"), [(3, False), (4, False), (6, False), (6, True), (12, True)])
+def test_every_turn_of_two_teeth_is_counted(n: int, lost: bool) -> None:
+    spec = TriggerSpec(0.0, 0.1, pulses_per_rev=n, missing_teeth=n - 2)
+    step = np.sort(np.r_[0 : 40 * n : n, 1 : 40 * n : n])
+    if lost:
+        step = np.delete(step, [21, 46])
+    angle = step / n + 0.002 * np.sin(step)
+    train = number_teeth(0.05 * angle + 0.001 * angle**1.1, spec, "log", None)
+    # the first tooth has no gap before it
+    np.testing.assert_array_equal(train.step - train.step[0], step[1:] - step[1])
+    assert set(train.step % n) == {0, 1}
+    assert train.counts["slips"] == train.counts["doubled"] == 0

@@ -62,14 +62,19 @@ def forward(time: Array, where: str) -> Array:
     return kept
 
 
-def pitch_of(time: Array) -> Array:
-    """Return the usual gap around each gap [s]."""
-    return running_median(np.diff(time), PITCH_TEETH)
+def pitch_of(time: Array, spec: TriggerSpec) -> Array:
+    """Return the usual gap around each gap [s]; a wheel with two teeth has as many marks as pitches: by pairs."""
+    gaps = np.diff(time)
+    if not spec.missing_teeth or spec.pulses_per_rev - spec.missing_teeth != 2 or gaps.size < 2:
+        return running_median(gaps, PITCH_TEETH)
+    by_pairs = running_median(gaps[:-1] + gaps[1:], PITCH_TEETH) / spec.pulses_per_rev
+    return np.r_[by_pairs, by_pairs[-1]]
 
 
-def _steps(time: Array, most: int) -> tuple[Integers, Mask]:
+def _steps(time: Array, spec: TriggerSpec) -> tuple[Integers, Mask]:
     """Return the steps of each gap, and which gaps are a standstill (counted as one step)."""
-    steps = np.maximum(1, np.rint(np.diff(time) / pitch_of(time))).astype(np.int64)
+    most = spec.missing_teeth + 1
+    steps = np.maximum(1, np.rint(np.diff(time) / pitch_of(time, spec))).astype(np.int64)
     still = steps > max(STANDSTILL_STEPS, 2 * most)
     return np.where(still, 1, steps), still
 
@@ -81,31 +86,31 @@ def _train_of(time: Array, steps: Integers, still: Mask, n_extra: int, n_missed:
     return PulseTrain(time, np.r_[0, np.cumsum(steps)], none, np.r_[False, still], 0.0, counts)
 
 
-def missing_tooth_steps(time: Array, missing: int) -> tuple[PulseTrain, Integers]:
-    """Return the pulses of a wheel whose mark is a gap, and which are marks: none where ``missing`` is 0."""
-    kept, n_extra = _without_close_teeth(time)
-    steps, still = _steps(kept, missing + 1)
-    is_mark = (steps == missing + 1) & ~still & (missing > 0)
+def missing_tooth_steps(time: Array, spec: TriggerSpec) -> tuple[PulseTrain, Integers]:
+    """Return the pulses of a wheel whose mark is a gap, and which are marks: none where no teeth are missing."""
+    kept, n_extra = _without_close_teeth(time, spec)
+    steps, still = _steps(kept, spec)
+    is_mark = (steps == spec.missing_teeth + 1) & ~still & (spec.missing_teeth > 0)
     n_missed = int(np.sum(steps[~is_mark] - 1))
     return _train_of(kept, steps, still, n_extra, n_missed), 1 + np.flatnonzero(is_mark)
 
 
-def double_tooth_steps(time: Array) -> tuple[PulseTrain, Integers]:
+def double_tooth_steps(time: Array, spec: TriggerSpec) -> tuple[PulseTrain, Integers]:
     """Return the pulses of a wheel whose mark is one tooth more, anywhere in a gap, and which are marks."""
-    ratio = np.diff(time) / pitch_of(time)
+    ratio = np.diff(time) / pitch_of(time, spec)
     short, long = np.minimum(ratio[:-1], ratio[1:]), np.maximum(ratio[:-1], ratio[1:])
     parted = (np.abs(short + long - 1.0) < ONE_PITCH) & (short > BOUNCE) & (long < 1.0 - BOUNCE)
     doubled = 1 + np.flatnonzero(parted)
     kept = np.delete(time, doubled)
-    steps, still = _steps(kept, 1)
+    steps, still = _steps(kept, spec)
     return _train_of(kept, steps, still, 0, int(np.sum(steps - 1))), doubled - np.arange(doubled.size)
 
 
-def _without_close_teeth(time: Array) -> tuple[Array, int]:
+def _without_close_teeth(time: Array, spec: TriggerSpec) -> tuple[Array, int]:
     """Drop a tooth whose two gaps together make one pitch, and the later edge of a bounce."""
     n_before = time.size
     while time.size > 3:
-        gaps, pitch = np.diff(time), pitch_of(time)
+        gaps, pitch = np.diff(time), pitch_of(time, spec)
         both = gaps[:-1] + gaps[1:]
         least = np.minimum(pitch[:-1], pitch[1:])
         extra = (np.abs(both / least - 1.0) < ONE_PITCH) & (np.minimum(gaps[:-1], gaps[1:]) < SHORT_GAP * least)
@@ -142,7 +147,7 @@ def mark_misfit(train: PulseTrain, spec: TriggerSpec) -> float:
     if not marks.size:
         return np.inf
     gaps, steps = np.diff(train.time), np.diff(train.step)
-    pitch = pitch_of(train.time)[marks]
+    pitch = pitch_of(train.time, spec)[marks]
     beside = [np.abs(np.log(gaps[marks + k] / (steps[marks + k] * pitch))) for k in (-2, -1, 0)]
     return float(np.median(np.sum(beside, axis=0)))
 
@@ -231,14 +236,14 @@ def _numbered(time: Array, spec: TriggerSpec, where: str, index: Array | None) -
         train = clean_pulses(time)
         return train if index is None else numbered_by_index(train, index, spec, where)
     if spec.double_tooth or spec.missing_teeth:
-        found = double_tooth_steps(time) if spec.double_tooth else missing_tooth_steps(time, spec.missing_teeth)
+        found = (double_tooth_steps if spec.double_tooth else missing_tooth_steps)(time, spec)
         train = from_marks(*found, spec, where)
         if index is None or (spec.revolutions_per_cycle == 1 and spec.reference != "index"):
             return train
         return numbered_by_index(train, index, spec, where)
     if index is None:
         raise _without_mark(spec, where)
-    return numbered_by_index(missing_tooth_steps(time, 0)[0], index, spec, where)
+    return numbered_by_index(missing_tooth_steps(time, spec)[0], index, spec, where)
 
 
 def number_counts(time: Array, spec: TriggerSpec, where: str, index: Array | None) -> PulseTrain:
@@ -246,7 +251,7 @@ def number_counts(time: Array, spec: TriggerSpec, where: str, index: Array | Non
     time = forward(time, where)
     if index is None:
         raise _without_mark(spec, where)
-    stood = np.rint(np.diff(time) / pitch_of(time)) > 1.0
+    stood = np.rint(np.diff(time) / pitch_of(time, spec)) > 1.0
     return numbered_by_index(_train_of(time, np.ones(stood.size, dtype=np.int64), stood, 0, 0), index, spec, where)
 
 
