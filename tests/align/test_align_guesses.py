@@ -284,6 +284,17 @@ def test_a_counter_of_sixteen_bits_starts_again_within_a_turn(first: int) -> Non
     assert whole.findings == ()
 
 
+@pytest.mark.parametrize(("factor", "text"), [
+    (np.pi / 180.0, r"after 0\.0174. turns, expected whole ones; in rad it is 1 turn: write unit = \"rad\""),
+    (180.0 / np.pi, r"after 57\.\d+ turns, expected whole ones; in deg it is 1 turn: write unit = \"deg\""),
+])  # fmt: skip
+def test_an_angle_in_the_other_unit_is_refused_by_its_turns(factor: float, text: str) -> None:
+    angle = factor * (TWO_PI * 20.0 * np.arange(60_000) / 2e4 % TWO_PI)
+    channel = Channel("angle", "DAQ", Samples(angle), 0.0, 2e4, None, Path("log.csv"), "angle")
+    with pytest.raises(Refusal, match=text):
+        counter_train(channel, 1)
+
+
 def test_a_counter_states_its_counts_a_revolution() -> None:
     assert unit_factor("rev/1024", "angle", "") == pytest.approx(TWO_PI / 1024)
     with pytest.raises(Refusal, match=r"unknown unit 'counts'.*rev/1024 for a counter"):

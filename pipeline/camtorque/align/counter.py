@@ -14,7 +14,7 @@ from camtorque.signal.damage import NO_VOLTAGE
 from camtorque.signal.edges import Edges, missing_finding
 from camtorque.signal.logger_time import sample_times
 from camtorque.signal.threshold import Threshold
-from camtorque.units import TURN
+from camtorque.units import DEGREE, TURN, counted
 
 MOST_SAMPLES = 8_000_000
 """Of a longer log every n-th sample is read: an angle needs some per degree."""
@@ -102,7 +102,7 @@ def _changes(channel: Channel, quantum: float) -> tuple[Array, Array, tuple[Find
         raise Refusal(
             f"{channel.where}: the angle does not change, expected one that turns; check the encoder and its channel"
         )
-    angle, overflow = _unwrapped(raw, quantum)
+    angle, overflow = _unwrapped(raw, quantum, channel.where)
     findings = (*missing_finding(int(np.sum(~known)), channel.where), *_overflow_finding(overflow, quantum, channel))
     angle += COUNT_SHIFT * quantum
     moved = np.flatnonzero(np.diff(angle) != 0.0)
@@ -134,10 +134,14 @@ def _quantum(channel: Channel) -> float:
     return quantum if np.median(np.abs(steps / quantum - np.rint(steps / quantum))) < WHOLE else 0.0
 
 
-def _unwrapped(raw: Array, quantum: float) -> tuple[Array, float]:
+def _unwrapped(raw: Array, quantum: float, where: str) -> tuple[Array, float]:
     """Return an angle without the jumps of a counter that starts again, and after how much it overflows [rad].
 
     That is 0 where it starts again after whole turns.
+
+    Raises
+    ------
+    Refusal : it starts again after whole turns of another unit
     """
     step, reach = np.diff(raw), float(np.ptp(raw))
     wraps = np.where(np.abs(step) > 0.5 * reach, -np.sign(step), 0.0)
@@ -146,10 +150,23 @@ def _unwrapped(raw: Array, quantum: float) -> tuple[Array, float]:
     whole, overflow = TURN * max(1.0, np.round(reach / TURN)), 0.0
     # neither end of the range need be sampled: it is longer than what is seen by a step at most
     longest = float(np.max(np.abs(step[wraps == 0.0]))) + quantum
-    bits = quantum * 2.0 ** np.round(np.log2(reach / quantum + 1.0)) if quantum else 0.0
-    if abs(whole - reach) > longest and 0.0 < bits - reach <= longest:
-        whole = overflow = float(bits)
+    if abs(whole - reach) > longest:
+        _refuse_other_unit(reach, longest, where)
+        bits = quantum * 2.0 ** np.round(np.log2(reach / quantum + 1.0)) if quantum else 0.0
+        if 0.0 < bits - reach <= longest:
+            whole = overflow = float(bits)
     return raw + whole * np.r_[0.0, np.cumsum(wraps)], overflow
+
+
+def _refuse_other_unit(reach: float, longest: float, where: str) -> None:
+    """Refuse an angle in degrees that is said to be in radians, or vice versa, by where it starts again."""
+    for factor, unit in ((DEGREE, "rad"), (1.0 / DEGREE, "deg")):
+        for turns in (1, 2):
+            if abs(turns * TURN - reach / factor) <= longest / factor:
+                raise Refusal(
+                    f"{where}: the recorded angle starts again after {reach / TURN:.4g} turns, expected whole ones; in "
+                    f'{unit} it is {counted(turns, "turn", "turns")}: write unit = "{unit}"'
+                )
 
 
 def _line_times(time: Array, angle: Array, wanted: Array, coarse: Array, pitch: float) -> tuple[Array, float]:
