@@ -100,6 +100,22 @@ def test_a_line_that_a_rail_holds_steady_does_not_tell_its_place(aligned):
     told(recording, replace(cycles, pressure=np.tile(rail + ringing, (cycles.pressure.shape[0], 1))))
 
 
+@pytest.mark.parametrize(("low", "refused"), [(0.5, False), (0.2, True)])
+def test_a_rail_that_rings_more_than_the_pump_raises_it_is_told_and_not_refused(aligned, low: float, refused: bool):
+    recording, cycles = aligned
+    mean = np.roll(cycles.mean_pressure, cycles.theta.size // 2)
+    rail = 5e7 * (low + (1.0 - low) * (mean - np.min(mean)) / np.ptp(mean))
+    rung = replace(cycles, pressure=np.tile(rail, (cycles.pressure.shape[0], 1)))
+    if refused:
+        with pytest.raises(Refusal, match="not while the plunger delivers"):
+            load_findings(recording, rung, rigid_torque(recording, rung))
+        return
+    (found,) = (row for row in load_findings(recording, rung, rigid_torque(recording, rung)) if "rail" in row.text)
+    assert (found.code, found.severity) == ("pressure_misplaced", "warning")
+    assert "not while the plunger delivers" in found.text
+    assert "a rail may ring so, else check that both logs are of one run" in found.text
+
+
 def test_a_rail_that_keeps_its_pressure_until_the_return_is_of_this_pump(aligned):
     recording, cycles = aligned
     lift = rigid_torque(recording, cycles).lift

@@ -12,7 +12,7 @@ from camtorque.records import CamCycles, Finding, FittedTorque, Recording, Rigid
 if TYPE_CHECKING:  # only named here: drawing a page does not load the fit
     from camtorque.fit.joint import CampaignFit
 
-SUSPICIONS = frozenset({"torque_against_model", "uneven_running"})
+SUSPICIONS = frozenset({"torque_against_model", "uneven_running", "pressure_misplaced"})
 """Warnings before the fit that friction and ringing of a sound pump raise too; a fit as expected tells them apart."""
 OF_ODD_FITS = frozenset({"prior_pulled", "values_implausible", "cam_side_too_light"})
 """Findings of a fit that is not as expected."""
