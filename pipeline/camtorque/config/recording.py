@@ -77,7 +77,7 @@ def load_recording_config(path: Path) -> RecordingConfig:
         drive=DriveSpec(**single["drive"]),
     )
     _check_roles(config)
-    return replace(config, findings=(*config.findings, *_one_file_two_clocks(config)))
+    return replace(config, findings=(*config.findings, *_one_file_two_clocks(config), *_in_chamber(config)))
 
 
 def _near(path: Path) -> str:
@@ -184,6 +184,16 @@ def _one_file_two_clocks(config: RecordingConfig) -> list[Finding]:
             )
             found.append(Finding("one_file_several_clocks", "warning", text, path.name))
     return found
+
+
+def _in_chamber(config: RecordingConfig) -> tuple[Finding, ...]:
+    if not config.measures_chamber:
+        return ()
+    text = (
+        f"location {config.sensors['pressure'].location!r} says that the pressure is that on the plunger: it is taken "
+        "as it is, no chamber and no delivery valve are fitted; name the line where the sensor sits there"
+    )
+    return (Finding("pressure_in_chamber", "info", text, f"{config.path.name} [sensors.pressure]"),)
 
 
 def _left_out(table: dict[str, Any]) -> Finding:

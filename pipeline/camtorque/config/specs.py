@@ -6,6 +6,7 @@ said only what the key does not say.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import date
@@ -15,6 +16,13 @@ from typing import Any
 import numpy as np
 
 from camtorque.records import Finding, Refusal
+
+IN_CHAMBER = re.compile(r"\bchamber\b", re.IGNORECASE)
+ELSEWHERE = re.compile(
+    r"\b(line|pipe|rail|holder|nozzle|injector|accumulator|gallery|inlet|suction|spring|from|behind|after|outside|not)\b",
+    re.IGNORECASE,
+)
+"""Words of a sensor's location by which it sits in the plunger's chamber, and by which it does not."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +90,7 @@ class SensorRef:
     zero_before_volts, zero_after_volts : standstill readings [V]
     zero_before, zero_after : the same in the unit of the channel, where the logger has scaled
     idle_from, idle_to : a stretch of the recording at standstill [s after the channel's first sample]
+    location : where it sits, in words
     """
 
     quantity: str
@@ -94,6 +103,12 @@ class SensorRef:
     zero_before: float | None = None
     zero_after: float | None = None
     sheet: Mapping[str, Any] = field(default_factory=dict)
+    location: str = ""
+
+    @property
+    def is_in_chamber(self) -> bool:
+        """Whether the recording says that it sits in the plunger's chamber, and not in a line from there."""
+        return bool(IN_CHAMBER.search(self.location)) and not ELSEWHERE.search(self.location)
 
 
 @dataclass(frozen=True)
@@ -189,6 +204,11 @@ class RecordingConfig:
     def pump_state(self) -> str:
         """The pump, and the group that the recording names: recordings of one such state may be fitted together."""
         return f"{self.pump_id} ({self.group})" if self.group else self.pump_id
+
+    @property
+    def measures_chamber(self) -> bool:
+        """Whether the recorded pressure is that on the plunger."""
+        return "pressure" in self.sensors and self.sensors["pressure"].is_in_chamber
 
     @property
     def own_clocks(self) -> frozenset[str]:

@@ -120,8 +120,9 @@ class SearchState:
 
     @property
     def best(self) -> tuple[Start, Candidate] | None:
-        """The best minimum with a chamber."""
-        return next((pair for pair in self.minima if pair[1].data.structure != "line"), None)
+        """The best minimum with a chamber, where one is looked for."""
+        chambers = self.starts.keys() - {"line"}
+        return next((pair for pair in self.minima if not chambers or pair[1].data.structure != "line"), None)
 
     @property
     def start(self) -> Start:
@@ -310,7 +311,7 @@ def likely(found: SearchState) -> list[str]:
     One whose starts were all lost on the way is not behind: nobody knows where it is.
     """
     names = [name for name in found.starts if name != "line"]
-    if found.value > UNEXPLAINED:
+    if found.value > UNEXPLAINED or not names:
         return names
     limit = FAR * min(found.starts[name][0].chi_square for name in names if found.starts[name]) + UNEXPLAINED
     return [name for name in names if not found.starts[name] or found.starts[name][0].chi_square < limit]

@@ -158,8 +158,9 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     law = spectral_law(recording.cam_table)
     data = fit_data(recording, cycles, law, means)
     halves = Halves(data, other_half(data, means))
-    minima, valley = search_minima(halves)
-    if minima[0].left_to_explain > DISSATISFYING:
+    structures = structures_of(recording)
+    minima, valley = search_minima(halves, structures)
+    if minima[0].left_to_explain > DISSATISFYING and len(structures) > 1:
         minima, valley = with_oil_at_rest(minima, valley, halves)
     kept = distinct(minima)
     weighed, other_pin = pin_decided(weighed_locally(kept, halves, means.odd_even), halves)
@@ -170,9 +171,14 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     return Prepared(recording, cycles, rigid, means, kept, valley, data.chain.shaft_torque, other_pin, softer)
 
 
-def search_minima(halves: Halves) -> tuple[list[Candidate], Valley]:
+def structures_of(recording: Recording) -> tuple[str, ...]:
+    """Return the structures that are compared: one where the sensor measures the pressure on the plunger itself."""
+    return ("line",) if recording.config.measures_chamber else tuple(STRUCTURES)
+
+
+def search_minima(halves: Halves, structures: tuple[str, ...]) -> tuple[list[Candidate], Valley]:
     """Return all minima that a search ends at, the best one first, and the valley of that."""
-    minima = every_structure(search(halves, tuple(STRUCTURES)), halves)
+    minima = every_structure(search(halves, structures), halves)
     minima = turned_round(with_lost_torque(minima, halves), halves)
     best, valley = profile_trigger_angle(reconverged(minima[0], halves), halves)
     return [best, *minima], valley
@@ -197,7 +203,7 @@ def with_oil_at_rest(minima: list[Candidate], valley: Valley, halves: Halves) ->
     data = halves.fitted
     upper = data.rows["line_inertance"].upper
     resting = replace(halves, fitted=with_rows(data, {"line_inertance": {"upper": AT_REST}}))
-    still = search_minima(resting)[0][0]
+    still = search_minima(resting, tuple(STRUCTURES))[0][0]
     freed = halves.minimum(at_minimum, with_rows(still.data, {"line_inertance": {"upper": upper}}))
     if freed is None or freed.value > minima[0].value:
         return minima, valley
@@ -258,10 +264,9 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     odd_even = prepared.means.odd_even
     evidence: tuple[LossEvidence, ...] = ()
     if options.evidence:
-        evidence = (
-            chamber_evidence(prepared.candidates, careful.inflation),
-            *loss_evidence(problem, solution, cov, odd_even),
-        )
+        evidence = loss_evidence(problem, solution, cov, odd_even)
+        if len(structures_of(prepared.recording)) > 1:
+            evidence = (chamber_evidence(prepared.candidates, careful.inflation), *evidence)
         if not explains(best.data, solution, odd_even):
             evidence = where_unexplained(evidence)
     gain = pressure_gain_std(prepared.recording)
