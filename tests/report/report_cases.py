@@ -114,7 +114,7 @@ def run_result(recording_name: str = "case", with_chamber: bool = True, explaine
         bumps=() if explained else (ResidualBump(0.7, 0.9, -0.4, 9.5, f"end of delivery {NASTY}"),),
     )  # fmt: skip
     config = SimpleNamespace(id=recording_name, pump_id="P1", text=f"id = '{NASTY}'", rotation=1, date=None,
-                             fluid=SimpleNamespace(temperature=313.15),
+                             measures_chamber=False, fluid=SimpleNamespace(temperature=313.15),
                              pump=SimpleNamespace(plunger_area=5e-5))  # fmt: skip
     table = CamTable(theta[::2], lift[::2], 1e-6)
     inputs = (InputFile(Path("recording.toml"), "ab" * 32),)

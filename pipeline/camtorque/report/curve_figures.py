@@ -103,8 +103,9 @@ def pressures(result: RunResult) -> Curves:
     fitted = result.fitted
     mean = result.cycles.mean_pressure / BAR
     std = std_of(result.cycles.pressure, result.cycles.mean_pressure) / BAR
-    lines = [Line("line pressure, measured", mean, "measured", 1.6)]
-    bands = [Band("line, single cycles ±2 standard deviations", mean - 2.0 * std, mean + 2.0 * std)]
+    place = "chamber" if result.recording.config.measures_chamber else "line"
+    lines = [Line(f"{place} pressure, measured", mean, "measured", 1.6)]
+    bands = [Band(f"{place}, single cycles ±2 standard deviations", mean - 2.0 * std, mean + 2.0 * std)]
     if fitted.chamber_pressure is not None:
         chamber = fitted.chamber_pressure / BAR
         lines.append(Line("chamber pressure, rebuilt", chamber, "fitted", 1.6))

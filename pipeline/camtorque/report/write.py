@@ -42,8 +42,9 @@ FIGURES: dict[str, FigureSpec] = {
         curve_figures.full_cycle, "curves", True, True,
     ),
     "pressure": FigureSpec(
-        "Line pressure and chamber pressure", "The sensor sits behind the delivery valve. The chamber pressure is "
-        "rebuilt from the torque and the laws of the chamber, and is what loads the plunger.",
+        "Line pressure and chamber pressure", "A sensor behind the delivery valve: the chamber pressure, which loads "
+        "the plunger, is rebuilt from the torque and the laws of the chamber. Where none is shown the measured "
+        "pressure is what loads it.",
         curve_figures.pressures, "curves", True, True,
     ),
     "lift": FigureSpec("Lift", "The strokes are those of the lift.", curve_figures.lift, "curves", True),
