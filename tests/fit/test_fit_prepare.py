@@ -8,7 +8,7 @@ from camtorque.align.budget import wandered
 from camtorque.config import FluidSpec
 from camtorque.fit.kinds import BUSH, BUSH_SOURCE, kind_rows
 from camtorque.fit.prepare import fit_data, mean_cycles
-from camtorque.fit.rig_rows import LARGEST_USUAL_ROLLER, NO_INERTIA, USUAL_CAM, USUAL_PLUNGER, rig_rows
+from camtorque.fit.rig_rows import LARGEST_USUAL_ROLLER, NO_INERTIA, USUAL_CAM, USUAL_PLUNGER, _set_warm, rig_rows
 from camtorque.laws import ROWS
 from camtorque.laws.fluid import MODULUS_PER_KELVIN, modulus_prior, viscosity_ratio
 from camtorque.laws.sensor import LEAST_DAMPING, sensor_transfer
@@ -118,6 +118,15 @@ def test_a_known_fuel_is_known_better():
     assert modulus_prior("water", None) is None
     slope = (modulus_prior("diesel", ZERO + 41.0)[0] - diesel[0]) / 1.0
     assert slope == pytest.approx(MODULUS_PER_KELVIN, rel=0.01)
+
+
+def test_a_heavy_fuel_is_as_soft_as_it_is_hot_and_as_thin_as_a_pump_needs_it():
+    # 1300 m/s and 925 kg/m^3 at 110 degrees give 1.56 GPa
+    assert modulus_prior("heavy fuel oil", ZERO + 110.0)[0] == pytest.approx(1.56e9, rel=0.02)
+    rows = dict(ROWS)
+    _set_warm(rows, FluidSpec(name="HFO"), ZERO + 110.0)
+    assert rows["plunger_viscous"] == ROWS["plunger_viscous"]
+    assert rows["bulk_modulus"].prior != ROWS["bulk_modulus"].prior
 
 
 def test_viscosity_follows_the_sheet_of_a_test_oil():
@@ -237,7 +246,10 @@ def test_a_shaft_is_expected_to_be_made_for_its_torque():
 
 @pytest.mark.parametrize(("name", "like", "low", "high"), [
     ("biodiesel", "RME", 1.45e9, 1.65e9), ("gasoline", "petrol", 0.9e9, 1.1e9),
-    ("B7 diesel", "petroleum diesel", 1.28e9, 1.38e9),
+    ("B7 diesel", "petroleum diesel", 1.28e9, 1.38e9), ("methanol", "E85", 0.8e9, 0.95e9),
+    ("Jet A-1", "kerosene", 1.1e9, 1.3e9), ("marine distillate", "MGO DMA", 1.4e9, 1.6e9),
+    ("heavy fuel oil", "IFO 380", 1.9e9, 2.2e9), ("HVO", "paraffinic diesel EN 15940", 1.15e9, 1.3e9),
+    ("AdBlue", "urea solution", 2.5e9, 2.9e9), ("gasoline with 10 % ethanol", "Otto fuel", 0.9e9, 1.1e9),
 ])  # fmt: skip
 def test_a_fuel_is_known_by_its_names(name, like, low, high) -> None:
     mean, _, source = modulus_prior(name, ZERO + 40.0)

@@ -207,7 +207,8 @@ CHANNEL = TableSchema("[[channels]]", "where each quantity lies", (
 ), many=True)  # fmt: skip
 
 FLUID = TableSchema("[fluid]", "the fuel or oil, where known", (
-    Key("name", "text", "such as diesel, ISO 4113", default="", own=True),
+    Key("name", "text", "diesel, ISO 4113, gasoline, methanol, kerosene, HVO, marine, heavy fuel and the like",
+        default="", own=True),
     Key("temperature_C", "number", "at the pump inlet, where no `fuel_temperature` channel tells", "C", None,
         Band(-60.0, 250.0, "liquid fuel"), own=True),
     Key("bulk_modulus_Pa", "number", "at feed pressure", "Pa", None, Band(1e8, 6e9, "of liquids"), own=True),

@@ -49,12 +49,23 @@ WARMTH_STD = 3.0
 """How far the fuel in the chamber is from the inlet [K]."""
 BIODIESEL = re.compile(r"bio.?diesel|methyl.?ester|\b(fame|rme|sme|b100)\b|en.?14214", re.IGNORECASE)
 GASOLINE = re.compile(r"gasoline|petrol(?!eum)|benzin|otto|en.?228", re.IGNORECASE)
+ALCOHOL = re.compile(r"methanol|ethanol|alcohol|\be(85|100)\b", re.IGNORECASE)
+KEROSENE = re.compile(r"kerosene|kerosin|\bjet.?a|avtur|\bjp.?[58]\b", re.IGNORECASE)
+HEAVY = re.compile(r"heavy.?fuel|\b(hfo|ifo|vlsfo|bunker)|residual|\brm[a-k]\d|schweröl", re.IGNORECASE)
+MARINE = re.compile(r"marine|\b(mgo|mdo|dm[abxz])\b", re.IGNORECASE)
+PARAFFINIC = re.compile(r"\b(hvo|gtl)|paraffinic|en.?15940", re.IGNORECASE)
+UREA = re.compile(r"urea|adblue|\baus.?32", re.IGNORECASE)
 DIESEL = re.compile(r"diesel|gas.?oil|gasöl|iso.?4113|en.?590|test.?oil|calibration|normafluid|prüföl", re.IGNORECASE)
-MODULI = ((BIODIESEL, 1.55e9, 0.12e9), (GASOLINE, 1.00e9, 0.12e9), (DIESEL, 1.33e9, 0.10e9))
+MODULI = (
+    (BIODIESEL, 1.55e9, 0.12e9), (GASOLINE, 1.00e9, 0.12e9), (ALCOHOL, 0.89e9, 0.08e9), (KEROSENE, 1.21e9, 0.09e9),
+    (HEAVY, 2.05e9, 0.20e9), (MARINE, 1.47e9, 0.13e9), (PARAFFINIC, 1.25e9, 0.09e9), (UREA, 2.70e9, 0.20e9),
+    (DIESEL, 1.33e9, 0.10e9),
+)  # fmt: skip
 """Name -> bulk modulus at 40 degrees and feed pressure, and its spread over makes [Pa]; the first that is found holds.
-Methyl esters: 1350 m/s and 865 kg/m^3 (Tat & Van Gerpen, J. Am. Oil Chem. Soc. 77 (2000)) give 1.57. Gasoline: 1150
-m/s and 735 kg/m^3 give 0.97. Diesel: Payri, Fuel 90 (2011), 1.25-1.33; 1330 m/s and 820 kg/m^3 give 1.45 for a dense
-one."""
+Methyl esters: 1350 m/s and 865 kg/m^3 (Tat & Van Gerpen, J. Am. Oil Chem. Soc. 77 (2000)) give 1.57. Diesel: Payri,
+Fuel 90 (2011), 1.25-1.33; 1330 m/s and 820 kg/m^3 give 1.45 for a dense one. The others by sound and density, m/s and
+kg/m^3: gasoline 1150, 735; methanol 1050, 772; ethanol 1095, 773; kerosene 1240, 785; heavy fuel 1460, 965; marine
+distillate 1320, 845; paraffinic 1275, 765; urea solution 1600, 1080."""
 ANY_MODULUS = (1.35e9, 0.18e9)
 """Fuels and test oils of any kind, gasoline among them: 1.0-1.7 GPa [Pa]."""
 VISCOSITIES = ((313.15, 2.6), (373.15, 1.1))
