@@ -35,17 +35,17 @@ BETWEEN_KEYS = re.compile(r"[,=\[\]{}#]")
 
 
 class Refusals(Refusal):
-    """Several reasons at once; the message is the first and how many follow."""
+    """Several reasons at once; the message is the first and how many follow, or all where no command lists them."""
 
-    def __init__(self, problems: tuple[str, ...]) -> None:
+    def __init__(self, problems: tuple[str, ...], listed: bool = True) -> None:
         more = len(problems) - 1
-        tail = f" (and {more} more; 'camtorque check' lists them all)" if more else ""
-        super().__init__(problems[0] + tail)
-        self.problems = problems
+        first = f"{problems[0]} (and {more} more; 'camtorque check' lists them all)"
+        super().__init__(first if listed and more else "; also ".join(problems))
+        self.problems, self.listed = problems, listed
 
-    def __reduce__(self) -> tuple[type[Refusals], tuple[tuple[str, ...]]]:
+    def __reduce__(self) -> tuple[type[Refusals], tuple[tuple[str, ...], bool]]:
         """Return how to pickle the refusal, so that it comes back complete from a worker process."""
-        return Refusals, (self.problems,)
+        return Refusals, (self.problems, self.listed)
 
 
 @dataclass
@@ -59,15 +59,13 @@ class Problems:
         """Note a refusal and go on."""
         try:
             yield
-        except Refusals as refusals:
-            self.texts += refusals.problems
         except Refusal as refusal:
-            self.texts.append(str(refusal))
+            self.texts += refusal.problems if isinstance(refusal, Refusals) else (str(refusal),)
 
-    def raise_any(self) -> None:
-        """Refuse where anything was noted."""
+    def raise_any(self, listed: bool = True) -> None:
+        """Refuse where anything was noted; ``listed`` by `camtorque check`, as is what is wrong with a recording."""
         if self.texts:
-            raise Refusals(tuple(dict.fromkeys(self.texts)))
+            raise Refusals(tuple(dict.fromkeys(self.texts)), listed)
 
 
 def read_toml(file: Path, expected: str) -> tuple[str, dict[str, Any]]:
@@ -232,16 +230,17 @@ def read_keys(table: Table, schema: TableSchema, problems: Problems) -> dict[str
 
 
 def read_closed(table: Table, schema: TableSchema, *others: str) -> dict[str, Any]:
-    """Return attribute -> value of a table that holds the keys of a schema, perhaps tables of ``others``, and no more.
+    """Return attribute -> value of a table that holds the keys of a schema, perhaps ``others``, and no more.
 
     Raises
     ------
-    Refusals : an unknown key; all else that is wrong
+    Refusals : all that is wrong
     """
-    table.only((*schema.names, *others))
     problems = Problems()
+    with problems.collecting():
+        table.only((*schema.names, *others))
     values = read_keys(table, schema, problems)
-    problems.raise_any()
+    problems.raise_any(listed=False)
     return values
 
 
@@ -284,11 +283,10 @@ def _numbers(table: Table, key: Key, value: Any) -> tuple[float, ...]:
     return tuple(_number(table, key, item) for item in value)
 
 
-def _pair(table: Table, key: Key, value: Any) -> tuple[float, float]:
+def _pair(table: Table, key: Key, value: Any) -> tuple[float, ...]:
     if not isinstance(value, list) or len(value) != 2:
         raise Refusal(f"{table.where(key.name)}: found {_shown(value)}, expected two numbers in brackets")
-    first, second = _numbers(table, key, value)
-    return first, second
+    return _numbers(table, key, value)
 
 
 def _flag(table: Table, key: Key, value: Any) -> bool:
