@@ -223,13 +223,9 @@ def joined(parts: list[EdgeSamples]) -> EdgeSamples:
 
 @dataclass(frozen=True)
 class Crossings:
-    """Half-height crossings.
+    """Half-height crossings (n,) [samples], with their fraction; slope of the flank [heights per sample].
 
-    Attributes
-    ----------
-    position : (n,) [samples], with their fraction
-    slope : of the flank [heights per sample]
-    blur : standard error from the samples being too few to see the flank [samples]
+    ``blur`` is the standard error from the samples being too few to see the flank [samples].
     """
 
     position: Array
