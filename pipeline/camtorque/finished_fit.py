@@ -111,7 +111,7 @@ def _fitted_at(row: Mapping[str, Any]) -> FittedAt:
     return FittedAt(row["id"], row["speed_rpm"] * RPM, row["structure"], used / 100.0, share is not None)
 
 
-def rig_of(report: Path, pump: Path | None, cam: Path | None) -> Rig:
+def rig_of(report: Path, pump: Path | None = None, cam: Path | None = None) -> Rig:
     """Return the pump of a report's recording, with another pump or cam if one is given.
 
     Raises

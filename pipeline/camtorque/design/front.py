@@ -14,7 +14,7 @@ import numpy as np
 from camtorque.design.explain import refuse_collision, refuse_idle
 from camtorque.design.problem import Problem
 from camtorque.design.responses import RESPONSES, Design, Evaluated
-from camtorque.design.solver import Scale, Solution, scaled_aims, signs_of, solve, violation
+from camtorque.design.solver import Scale, Solution, reached, scaled_aims, signs_of, solve, violation
 from camtorque.design.task import KNEE, Task
 from camtorque.process.second_process import in_two
 from camtorque.progress import Progress
@@ -125,8 +125,7 @@ def _ends(problem: Problem, tell: Progress) -> list[Solution]:
 
 def _best_of(problem: Problem, scale: Scale, starts: list[Array], aim: int) -> Solution:
     """Return the best design of one aim from several starts; the first one keeps all limits."""
-    here = starts[0]
-    found = [Solution(here, scaled_aims(problem, scale, here), violation(problem, here))]
+    found = [reached(problem, scale, starts[0])]
     for pair in in_two(partial(_solved_twice, problem, scale, aim), starts):
         found += pair
     return min((s for s in found if s.feasible), key=lambda s: float(s.aims[aim]))
