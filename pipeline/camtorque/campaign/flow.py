@@ -224,11 +224,8 @@ def joint_fit(
 ) -> tuple[CampaignFit | None, tuple[Finding, ...]]:
     """Return the joint fit; recordings of different pumps or groups, or of ids that repeat, cannot be fitted together.
 
-    Parameters
-    ----------
-    count : usable recordings
-    read : gives what the joint fit needs of one of them; nothing is held of those that cannot be fitted together
-    threads : recordings that are worked at side by side
+    ``read`` gives what it needs of one of ``count`` usable recordings; nothing is held of those that cannot be fitted
+    together. As many as ``threads`` are worked at side by side.
     """
     if count < 2:
         return _none(f"{counted(count, 'usable recording', 'usable recordings')}, a joint fit needs at least 2")

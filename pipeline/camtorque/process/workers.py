@@ -33,8 +33,6 @@ class _Job(Generic[T]):
 def on_processes(call: Callable[[T], R], items: Iterable[T], workers: int) -> Iterator[tuple[T, R | Lost]]:
     """Yield each item with its result as it is done by a function of a module, in fresh processes.
 
-    Notes
-    -----
     An item whose worker dies is tried once more; then `Lost` is its result. Whatever ends the loop ends the workers.
     """
     # the process that clears away semaphores would warn on standard error when workers were killed
