@@ -243,6 +243,14 @@ def test_pressure_between_its_points_does_not_overshoot():
     assert np.allclose(pressure_at(curve, curve.theta + 2.0 * np.pi), curve.pressure, rtol=1e-9)
 
 
+def test_a_cam_without_its_return_is_refused(tmp_path):
+    head, *sections = PAPER.read_text().split("[[cam.sections]]")
+    path = tmp_path / "no_return.toml"
+    path.write_text("[[cam.sections]]".join([head, *sections[:2], sections[3]]))
+    with pytest.raises(Refusal, match="add up to 305"):
+        predict(read_pump(path)[0], [50.0])
+
+
 def test_tangent_cam_from_a_file(tmp_path):
     head, tail = PAPER.read_text().split("[cam]")
     cam = '[cam]\n[[cam.sections]]\nkind = "tangent"\nrise_mm = 8.0\nnose_radius_mm = 5.0\n'
