@@ -22,7 +22,7 @@ LONGEST_KEY = 100
 """Parts of a dotted key: each costs the parser as much as all before it."""
 LONGEST_TEXT = 4096
 MOST_LISTED = 8
-"""Files of a folder that a refusal names."""
+"""Files of a folder, or problems of a file, that a refusal names."""
 DECIMAL_COMMA = re.compile(r"[\w.\- ]+=\s*[+-]?[\d.']*\d,\d+([eE][+-]?\d+)?\s*(#.*)?")
 OTHER_SCHEMA = re.compile(r"(camtorque-[a-z]+|fip-bench-recording)/\d+")
 TOML_SLIPS = {
@@ -35,12 +35,13 @@ BETWEEN_KEYS = re.compile(r"[,=\[\]{}#]")
 
 
 class Refusals(Refusal):
-    """Several reasons at once; the message is the first and how many follow, or all where no command lists them."""
+    """Several reasons at once; the message is the first and how many follow, or many where no command lists them."""
 
     def __init__(self, problems: tuple[str, ...], listed: bool = True) -> None:
-        more = len(problems) - 1
-        first = f"{problems[0]} (and {more} more; 'camtorque check' lists them all)"
-        super().__init__(first if listed and more else "; also ".join(problems))
+        named, hint = (1, "; 'camtorque check' lists them all") if listed else (MOST_LISTED, "")
+        more = len(problems) - named
+        tail = f" (and {more} more{hint})" if more > 0 else ""
+        super().__init__("; also ".join(problems[:named]) + tail)
         self.problems, self.listed = problems, listed
 
     def __reduce__(self) -> tuple[type[Refusals], tuple[tuple[str, ...], bool]]:
