@@ -61,7 +61,7 @@ class Sensor:
         _within(0.0 if self.zero_std is None else self.zero_std, 0.0, np.inf, "Sensor zero_std")
         _within(0.0 if self.delay is None else self.delay, SENSOR_DELAY.low, SENSOR_DELAY.high, "Sensor delay [s]")
         _within(self.delay_std, SENSOR_DELAY.low, SENSOR_DELAY.high, "Sensor delay_std [s]")
-        if not np.isnan(self.cutoff_hz):
+        if not (isinstance(self.cutoff_hz, Real) and np.isnan(self.cutoff_hz)):
             _positive(self.cutoff_hz, "Sensor cutoff_hz")
         _within(self.filter_order, 0, MOST_ORDER, "Sensor filter_order")
         if self.filter_order % 1:
@@ -155,7 +155,7 @@ def _rate(rates: float | Mapping[str, float], quantity: str) -> float:
 
 
 def _positive(value: float, what: str) -> float:
-    if not (isinstance(value, Real) and np.isfinite(value) and value > 0.0):
+    if not (isinstance(value, Real) and 0.0 < value <= np.finfo(np.float64).max):
         raise Refusal(f"{what}: found {value!r}, expected a positive number")
     return float(value)
 
