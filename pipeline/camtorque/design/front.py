@@ -185,14 +185,10 @@ def _between(problem: Problem, scale: Scale, ends: list[Solution], count: int, t
             tell(f"{problem.family.name}: {number} of {order.size} points of the front, {left:.0f} s left")
 
 
-def _direction(aims: Array) -> Array:
-    """Return where on the lattice a point lies: the aims less what they have in common."""
-    return aims - np.mean(aims)
-
-
 def _nearest(goal: Array, solved: list[FrontPoint]) -> list[FrontPoint]:
-    """Return the two points whose place on the lattice is nearest to a reference point's."""
-    return sorted(solved, key=lambda point: float(np.sum((_direction(point.aims) - _direction(goal)) ** 2)))[:2]
+    """Return the two points that are nearest to a reference point on the lattice: by what aims have not in common."""
+    place = goal - np.mean(goal)
+    return sorted(solved, key=lambda point: float(np.sum((point.aims - np.mean(point.aims) - place) ** 2)))[:2]
 
 
 def _approach(problem: Problem, scale: Scale, wanted: tuple[Array, list[FrontPoint]]) -> FrontPoint | None:
