@@ -309,11 +309,8 @@ def compared_curves(compared: Compared) -> ComparedCurves:
 def compare(before: Path, after: Path, out: Path, progress: Progress = silent) -> dict[str, Any]:
     """Write the comparison of two recordings and return the content of compare.json.
 
-    Parameters
-    ----------
-    before, after : recordings, reports of recordings, campaigns, or folders of recordings (paired by speed)
-    out : folder to be written; nothing is left of it when a recording is refused
-    progress : called with what is being done
+    ``before`` and ``after`` are recordings, reports of recordings, campaigns, or folders of recordings (paired by
+    speed); nothing is left of ``out`` when one is refused.
 
     Raises
     ------

@@ -43,14 +43,10 @@ OWN_FIGURE = re.compile(r"figures/[^/]+\.svg")
 
 @dataclass(frozen=True)
 class CampaignOptions:
-    """How a campaign is computed; nothing of it changes a number.
+    """How a campaign is computed, see docs/campaigns.md; nothing of it changes a number.
 
-    Attributes
-    ----------
-    workers : processes of this machine, None for as many as there are processors for this one
-    scheduler : address of a running Dask scheduler, instead of workers of this machine
-    cluster : file that says how to ask a batch system for workers, see docs/campaigns.md
-    retry_failed : compute again what was refused before
+    ``workers`` of this machine are as many as there are processors for this one where it is None; a ``scheduler`` or a
+    ``cluster`` file names others instead.
     """
 
     workers: int | None = None
