@@ -92,10 +92,8 @@ def own_scale(problem: Problem) -> Scale:
 
 
 def _least_violation(problem: Problem) -> Solution:
-    generator = np.random.default_rng(problem.task.seed)
-    starts = [problem.start(), *(problem.random_start(generator) for _ in range(problem.task.starts))]
     found = []
-    for start in starts:
+    for start in problem.starts(problem.start(), problem.task.starts):
         found.append(solve(problem, own_scale(problem), start, relaxed=True))
         if found[-1].feasible:
             break
@@ -112,8 +110,7 @@ def _ends(problem: Problem, tell: Progress) -> list[Solution]:
             tell(f"{problem.family.name}: no design keeps all limits")
             return []
         start = relaxed.variables
-    generator = np.random.default_rng(task.seed)
-    starts = [start, *(problem.random_start(generator) for _ in range(task.starts - 1))]
+    starts = problem.starts(start, task.starts - 1)
     ends = []
     for i, name in enumerate(task.aims):
         best = _best_of(problem, scale, starts, i)
