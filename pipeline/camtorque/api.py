@@ -113,7 +113,7 @@ class Recording(RecordingRecord):
     @classmethod
     def of_record(cls, record: RecordingRecord) -> Recording:
         """Return the same recording with this face."""
-        return cls(record.config, record.channels, record.lift_table, record.inputs, record.findings)
+        return cls(**vars(record))
 
     def __repr__(self) -> str:
         channels = ", ".join(f"{c.quantity} {c.duration:.2f} s at {c.sample_rate:g} Hz" for c in self.channels)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from camtorque.config import ChannelSpec, LoggerSpec, RecordingConfig, TriggerSpec
 from camtorque.config.pump import PumpConfig
+from camtorque.config.quantities import CHANNEL_QUANTITIES
 from camtorque.config.schemas import CAM_SPEED, SENSOR_DELAY, SWITCH_DELAY
 from camtorque.ingest.plausibility import check_loads
 from camtorque.ingest.pump_file import read_pump
@@ -20,7 +21,7 @@ from camtorque.ingest.raw import ArraySource
 from camtorque.ingest.sensors import usual_delay
 from camtorque.mechanism.predict import cam_of
 from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal, SensorCalibration
-from camtorque.units import BAR, DEGREE, RPM
+from camtorque.units import DEGREE, RPM
 
 IN_MEMORY = Path("arrays")
 """Stands for the file of a channel that came as an array."""
@@ -60,7 +61,7 @@ class Sensor:
         _within(0.0 if self.zero_std is None else self.zero_std, 0.0, np.inf, "Sensor zero_std")
         _within(0.0 if self.delay is None else self.delay, SENSOR_DELAY.low, SENSOR_DELAY.high, "Sensor delay [s]")
         _within(self.delay_std, SENSOR_DELAY.low, SENSOR_DELAY.high, "Sensor delay_std [s]")
-        if not np.isnan(self.cutoff_hz):
+        if not (isinstance(self.cutoff_hz, Real) and np.isnan(self.cutoff_hz)):
             _positive(self.cutoff_hz, "Sensor cutoff_hz")
         _within(self.filter_order, 0, MOST_ORDER, "Sensor filter_order")
         if self.filter_order % 1:
@@ -154,7 +155,7 @@ def _rate(rates: float | Mapping[str, float], quantity: str) -> float:
 
 
 def _positive(value: float, what: str) -> float:
-    if not (isinstance(value, Real) and np.isfinite(value) and value > 0.0):
+    if not (isinstance(value, Real) and 0.0 < value <= np.finfo(np.float64).max):
         raise Refusal(f"{what}: found {value!r}, expected a positive number")
     return float(value)
 
@@ -185,12 +186,11 @@ def _calibration(quantity: str, values: Array, sensor: Sensor) -> SensorCalibrat
 
 def _assumed(channel: Channel) -> Finding:
     assert channel.calibration is not None
-    unit, factor = ("N m", 1.0) if channel.quantity == "torque" else ("bar", 1.0 / BAR)
-    zero = channel.calibration.zero_std * factor
-    delay = 1e3 * channel.calibration.delay
+    shown = CHANNEL_QUANTITIES[channel.quantity]
+    zero, delay = channel.calibration.zero_std * shown.shown_factor, 1e3 * channel.calibration.delay
     text = (
         f"nothing is known of the {channel.quantity} sensor; assumed: gain ± {100.0 * WIDE_GAIN_STD:g} %, zero ± "
-        f"{zero:.2g} {unit}, delay {delay:g} ms ± 100 %; give sensors={{{channel.quantity!r}: Sensor(...)}}"
+        f"{zero:.2g} {shown.shown_unit}, delay {delay:g} ms ± 100 %; give sensors={{{channel.quantity!r}: Sensor(...)}}"
     )
     return Finding("sensor_assumed", "warning", text, channel.name)
 

@@ -83,23 +83,21 @@ def matched(before: Path, after: Path) -> Matched:
     if all(len(side) == 1 for side in sides):
         return Matched(((sides[0][0], sides[1][0]),))
     one, two = ({path: load_recording_config(recording_path(path)).nominal_speed for path in side} for side in sides)
-    apart = sorted((abs(two[b] / one[a] - 1.0), i, j) for i, a in enumerate(one) for j, b in enumerate(two))
     first, second = list(one), list(two)
-    pairs: list[tuple[Path, Path]] = []
+    apart = sorted((abs(two[b] / one[a] - 1.0), i, j) for i, a in enumerate(first) for j, b in enumerate(second))
+    pairs: list[tuple[int, int]] = []
+    alone = (dict(one), dict(two))
     for distance, i, j in apart:
-        taken = {path for pair in pairs for path in pair}
-        if distance <= SAME_SPEED and not taken & {first[i], second[j]}:
-            pairs.append((first[i], second[j]))
+        if distance <= SAME_SPEED and first[i] in alone[0] and second[j] in alone[1]:
+            pairs.append((i, j))
+            del alone[0][first[i]], alone[1][second[j]]
     if not pairs:
         speeds = ["; ".join(f"{speed / RPM:.0f}" for speed in side.values()) for side in (one, two)]
         raise Refusal(
             f"compare: {before} holds {speeds[0]} rpm and {after} {speeds[1]} rpm, expected some speed in both; "
             "compare recordings of the same speeds"
         )
-    pairs.sort(key=lambda pair: first.index(pair[0]))
-    paired = {path for pair in pairs for path in pair}
-    alone = [{path: speed for path, speed in side.items() if path not in paired} for side in (one, two)]
-    return Matched(tuple(pairs), (alone[0], alone[1]))
+    return Matched(tuple((first[i], second[j]) for i, j in sorted(pairs)), alone)
 
 
 def _recordings(path: Path) -> list[Path]:
@@ -311,11 +309,8 @@ def compared_curves(compared: Compared) -> ComparedCurves:
 def compare(before: Path, after: Path, out: Path, progress: Progress = silent) -> dict[str, Any]:
     """Write the comparison of two recordings and return the content of compare.json.
 
-    Parameters
-    ----------
-    before, after : recordings, reports of recordings, campaigns, or folders of recordings (paired by speed)
-    out : folder to be written; nothing is left of it when a recording is refused
-    progress : called with what is being done
+    ``before`` and ``after`` are recordings, reports of recordings, campaigns, or folders of recordings (paired by
+    speed); nothing is left of ``out`` when one is refused.
 
     Raises
     ------

@@ -22,9 +22,7 @@ HERE = Path(__file__).parent
 class Compiled:
     """A function that is compiled, or loaded from numba's cache, at its first call; to numba it is a dispatcher.
 
-    Attributes
-    ----------
-    py_func, targetoptions : the function and its options, under the names by which numba inlines a function
+    ``py_func`` and ``targetoptions`` are the names by which numba inlines a function.
     """
 
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from camtorque.config.pump import PressureCurve
-from camtorque.design.answer import Answer
+from camtorque.design.answer import COLUMNS, Answer
 from camtorque.design.loads import FittedPump, FittedStroke, Load
 from camtorque.design.schema import PUMP_FIELDS
 from camtorque.finished_fit import FinishedFit, Rig, chain_of, curve_of, read_fit, rig_of
@@ -69,7 +69,7 @@ def fitted_pump(fit: FinishedFit) -> FittedPump:
 
     def stroke(name: str, speed: float) -> FittedStroke:
         source = _source(fit, name, speed)
-        rig = rig_of(reports[source.id], None, None)
+        rig = rig_of(reports[source.id])
         item, _ = _run(known, source, rig, curve_of(reports[source.id], source.speed), speed)
         angle = np.mod(item.true_angle, TURN)
         order = np.argsort(angle, kind="stable")
@@ -80,7 +80,7 @@ def fitted_pump(fit: FinishedFit) -> FittedPump:
 
     return FittedPump(
         path=fit.folder, pump_id=str(read_result(first / "result.json")["recording"].get("pump", "")),
-        friction=friction_of(known, known.recordings[0]), law=lift_law(rig_of(first, None, None).table),
+        friction=friction_of(known, known.recordings[0]), law=lift_law(rig_of(first).table),
         recordings=tuple(item.id for item in known.recordings), stroke=stroke,
     )  # fmt: skip
 
@@ -100,18 +100,13 @@ def as_fitted(fit: FinishedFit, answer: Answer, table: Path) -> list[dict[str, A
     Refusal : the follower of the design jams or the torque runs away
     """
     chosen = answer.chosen.evaluated
-    changed = {field: getattr(chosen.pump, field) for field in PUMP_FIELDS.values()}
-    columns: dict[str, Any] = {
-        "cam_table_path": table,
-        "cam_table_angle_column": "cam_angle_deg",
-        "cam_table_lift_column": "lift_mm",
-    }
+    changed: dict[str, Any] = {field: getattr(chosen.pump, field) for field in PUMP_FIELDS.values()} | COLUMNS
     rows = []
     for load in answer.task.loads:
         if load.source:
             source = _source(fit, load.source, load.speed)
-            rig = rig_of(fit.reports[source.id], None, None)
-            pump = replace(rig.pump, **changed, **columns)
+            rig = rig_of(fit.reports[source.id])
+            pump = replace(rig.pump, **changed, cam_table_path=table)
             rows.append(_pair(fit, source, rig, replace(rig, pump=pump, table=read_cam_table(pump)[0]), load))
     return rows
 
@@ -136,9 +131,7 @@ def _pair(fit: FinishedFit, source: FittedAt, before: Rig, after: Rig, load: Loa
 def carried_pressure(curve: Curve, old: CamLaw, new: CamLaw, offset: float) -> Array:
     """Return the line pressure of one cam over the angle of another: at the same lift the same pressure.
 
-    Parameters
-    ----------
-    offset : true less nominal cam angle [rad]
+    ``offset`` is the true less the nominal cam angle [rad].
     """
     place = carried_angles(curve.theta + offset, old, new) - offset
     return np.interp(place, curve.theta, curve.pressure, period=TURN)

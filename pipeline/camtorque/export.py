@@ -44,10 +44,8 @@ Tables = Mapping[str, pd.DataFrame]
 def report_tables(folder: Path, document: Mapping[str, Any]) -> dict[str, pd.DataFrame]:
     """Return the tables of a report: cycles.h5 in ``folder``, and the content of its result.json.
 
-    Returns
-    -------
-    tables : ``torque``, ``pressure`` and further channels (one row per angle, one column per cycle), ``cycles`` (one
-        row per cycle), ``means`` (one row per angle: measured, models, causes, forces), ``parameters``, ``findings``
+    They are ``torque``, ``pressure`` and further channels (one row per angle, one column per cycle), ``cycles`` (one
+    row per cycle), ``means`` (one row per angle: measured, models, causes, forces), ``parameters``, ``findings``.
 
     Raises
     ------

@@ -87,10 +87,11 @@ def read_fit(path: Path) -> FinishedFit:
         )
     doc = read_document(file, SCHEMA, "a report of `camtorque run`, or make it again")
     rows = [row for row in doc["recordings"] if row["explained"]]
+    unexplained = [row["id"] for row in doc["recordings"] if not row["explained"]]
     if not rows:
         raise Refusal(
-            f"{file}: its model leaves {', '.join(row['id'] for row in doc['recordings'])} unexplained, expected a fit "
-            "whose intervals can be relied on; mend what the report names and make it again"
+            f"{file}: its model leaves {', '.join(unexplained)} unexplained, expected a fit whose intervals can be "
+            "relied on; mend what the report names and make it again"
         )
     strange = [name for name in doc["names"] if name.split(SEPARATOR)[0] not in ROWS]
     if strange:
@@ -101,7 +102,6 @@ def read_fit(path: Path) -> FinishedFit:
     recordings = tuple(_fitted_at(row) for row in doc["recordings"])
     values = np.array(doc["values"], dtype=np.float64)
     known = KnownFit(tuple(doc["names"]), values, known_covariance(doc), recordings, known_shown(doc), known_lift(doc))
-    unexplained = [row["id"] for row in doc["recordings"] if not row["explained"]]
     return FinishedFit(known.without(unexplained), folder, rows)
 
 
@@ -111,7 +111,7 @@ def _fitted_at(row: Mapping[str, Any]) -> FittedAt:
     return FittedAt(row["id"], row["speed_rpm"] * RPM, row["structure"], used / 100.0, share is not None)
 
 
-def rig_of(report: Path, pump: Path | None, cam: Path | None) -> Rig:
+def rig_of(report: Path, pump: Path | None = None, cam: Path | None = None) -> Rig:
     """Return the pump of a report's recording, with another pump or cam if one is given.
 
     Raises

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -44,10 +43,7 @@ def to_pandas(item: RunResult | CamCycles | Prediction) -> pd.DataFrame:
 
 
 def _parameters(result: RunResult) -> pd.DataFrame:
-    rows = [
-        {**{f.name: getattr(row, f.name) for f in fields(row)}, "low95": row.ci95[0], "high95": row.ci95[1]}
-        for row in result.fitted.parameters
-    ]
+    rows = [{**vars(row), "low95": row.ci95[0], "high95": row.ci95[1]} for row in result.fitted.parameters]
     return pd.DataFrame(rows).set_index("name")[list(PARAMETER_COLUMNS)]
 
 

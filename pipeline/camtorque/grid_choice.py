@@ -21,14 +21,8 @@ rounded up; a test holds it to ``reports/studies/speed_accuracy.json``."""
 def choose_grid(tolerance: float) -> tuple[int, str, float]:
     """Return points per revolution, curve between them and the error that the choice implies.
 
-    Parameters
-    ----------
-    tolerance : wanted largest error of the rigid torque over its peak [-]
-
-    Returns
-    -------
-    n_theta, method, implied_error : the coarsest grid whose error, measured on the pump of the studies with pressure
-        flanks of 2 degrees, stays below the tolerance
+    It is the coarsest grid whose largest error of the rigid torque over its peak, measured on the pump of the studies
+    with pressure flanks of 2 degrees, stays below the tolerance.
 
     Raises
     ------

@@ -113,7 +113,7 @@ def read_limits(path: Path | str) -> tuple[Limit, ...]:
     for table in root.tables("limit"):
         with problems.collecting():
             limits.append(_limit(table))
-    problems.raise_any()
+    problems.raise_any(listed=False)
     return tuple(limits)
 
 

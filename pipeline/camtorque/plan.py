@@ -111,7 +111,7 @@ def plan_runs(fit: Path | str, target: str, tooth: bool = True, speeds_rpm: Sequ
     speeds = [speed * RPM for speed in speeds_rpm] or [middle * factor for factor in SPEED_FACTORS]
     points = []
     for item in loads:
-        rig, curve = rig_of(reports[item.id], None, None), curve_of(reports[item.id], item.speed)
+        rig, curve = rig_of(reports[item.id]), curve_of(reports[item.id], item.speed)
         measuring = measuring_of(reports[item.id])
         for speed in speeds:
             chain = chain_of(rig, speed, curve, item.structure)
@@ -147,7 +147,7 @@ def _target(known: KnownFit, folder: Path, reports: Mapping[str, Path], wanted: 
     unit, per = shown_in(name)
     item = _fastest(known)
     if name == CHAMBER_PEAK:
-        rig, curve = rig_of(reports[item.id], None, None), curve_of(reports[item.id], item.speed)
+        rig, curve = rig_of(reports[item.id]), curve_of(reports[item.id], item.speed)
         chain = chain_of(rig, item.speed, curve, item.structure)
         value, gradient = chamber_peak(known, chain, item)
         of = item.id

@@ -115,7 +115,7 @@ def predict_from(
     templates = {item.id: curve_of(reports[item.id], item.speed) for item in known.recordings}
     if load_of is not None:
         nearest = reports[known.nearest(speeds_rpm[0] * RPM).id]
-        refuse_load_of_another_pump(Path(load_of), [rig_of(nearest, None, None), rig_of(nearest, pump, cam)])
+        refuse_load_of_another_pump(Path(load_of), [rig_of(nearest), rig_of(nearest, pump, cam)])
     if pressure is not None and asked.given is not None:
         refuse_other_load(asked.given, templates.values(), str(pressure))
     runs = [_at_speed(known, reports, templates, value * RPM, asked) for value in speeds_rpm]

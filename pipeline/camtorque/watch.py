@@ -36,16 +36,9 @@ admits. The uncertainty of the zero itself does not count: it is the same at bot
 
 @dataclass(frozen=True)
 class WatchOptions:
-    """What a user may choose.
+    """What a user may choose, see `camtorque watch`: times in s, a block in new cycles of a growing recording.
 
-    Attributes
-    ----------
-    every : time between two looks [s]
-    block_cycles : new cycles that make a block of a growing recording
-    enough_percent : noise of the mean torque that is small enough, in percent of its peak: the fit admits a model error
-        of 0.1 %, less noise adds nothing
-    until_enough : stop then
-    seconds : stop after that time [s]
+    The fit admits a model error of 0.1 % of the peak torque: less noise of the mean torque adds nothing.
     """
 
     every: float = 2.0

@@ -8,8 +8,8 @@ import pytest
 from camtorque import cli
 from camtorque.align import align
 from camtorque.ingest import check, read_recording, summarise
-from camtorque.signal import scan
-from camtorque.signal.scan import isolated_samples, scan_channel
+from camtorque.signal import damage
+from camtorque.signal.damage import isolated_samples, scan_channel
 from damaged.logs import CALIBRATION, Plan, clean_log, write_folder
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -95,7 +95,7 @@ def test_blocks_do_not_change_what_is_found(tmp_path: Path, monkeypatch: pytest.
     folder = write_folder(tmp_path / "r", [LOG.with_volts("pressure", volts)], Plan("hdf5"))
     channels = read_recording(folder).channels
     whole = [scan_channel(channel) for channel in channels]
-    monkeypatch.setattr(scan, "BLOCK", 5000)
+    monkeypatch.setattr(damage, "BLOCK", 5000)
     again = [scan_channel(channel) for channel in channels]
     for one, other in zip(whole, again, strict=True):
         assert (one.low, one.high, one.missing, one.longest_missing) == (
@@ -122,7 +122,7 @@ def test_an_isolated_sample_beside_the_border_of_two_blocks_is_found(tmp_path: P
     channel = read_recording(write_folder(tmp_path / "r", [LOG.with_volts("pressure", volts)], Plan("hdf5"))).channels[
         1
     ]
-    monkeypatch.setattr(scan, "BLOCK", 5000)
+    monkeypatch.setattr(damage, "BLOCK", 5000)
     found = scan_channel(channel)
     assert (found.isolated, found.isolated_at) == (1, (5001,))
 

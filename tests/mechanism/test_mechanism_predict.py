@@ -58,6 +58,16 @@ def test_a_cam_that_is_no_table_hides_nothing_else(tmp_path):
     assert "cam: found 3, expected a table" in refused.value.problems[1]
 
 
+def test_a_refused_pump_file_names_all_that_is_wrong_with_it(tmp_path):
+    text = re.sub(r"(?m)^cam_mass_kg.*$", "cam_mas_kg = 1.0", PAPER.read_text())
+    path = tmp_path / "pump.toml"
+    path.write_text(re.sub(r"(?m)^spring_preload_N.*$", "", text))
+    told = r"unknown key 'cam_mas_kg'.*; also .*spring_preload_N: this key is missing"
+    with pytest.raises(Refusal, match=told) as refused:
+        load_pump_config(path)
+    assert "camtorque check" not in str(refused.value), "it takes recordings, and refuses a pump file"
+
+
 def test_paper_pump_reaches_the_torque_levels_of_the_paper():
     curve = read_pressure_curve(CALIBRATION / "paper_pressure.csv")
     row = sweep_rows(predict(load_pump_config(PAPER), [500.0 * RPM], curve))[0]
@@ -231,6 +241,14 @@ def test_pressure_between_its_points_does_not_overshoot():
     assert dense.min() >= curve.pressure.min()
     assert dense.max() <= curve.pressure.max()
     assert np.allclose(pressure_at(curve, curve.theta + 2.0 * np.pi), curve.pressure, rtol=1e-9)
+
+
+def test_a_cam_without_its_return_is_refused(tmp_path):
+    head, *sections = PAPER.read_text().split("[[cam.sections]]")
+    path = tmp_path / "no_return.toml"
+    path.write_text("[[cam.sections]]".join([head, *sections[:2], sections[3]]))
+    with pytest.raises(Refusal, match="add up to 305"):
+        predict(read_pump(path)[0], [50.0])
 
 
 def test_tangent_cam_from_a_file(tmp_path):

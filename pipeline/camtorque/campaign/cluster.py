@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from camtorque.campaign.task import code_digest
 from camtorque.config.keys import Band, Key, TableSchema
 from camtorque.config.schemas import words
-from camtorque.config.tables import Problems, Table, read_keys, read_toml
+from camtorque.config.tables import Table, read_closed, read_toml
 from camtorque.process.stopping import SIGNALS, before_leaving
 from camtorque.process.workers import Lost
 from camtorque.progress import duration_text
@@ -117,16 +117,11 @@ def read_cluster_file(file: Path) -> tuple[str, int, dict[str, Any]]:
 
     Raises
     ------
-    Refusal : naming all that is wrong in the file
+    Refusal : what is wrong in the file
     """
-    root, problems = Table(read_toml(file, "a cluster file, see docs/campaigns.md")[1], file, ""), Problems()
-    values, options = read_keys(root, CLUSTER_FILE, problems), {}
-    with problems.collecting():
-        root.only((*CLUSTER_FILE.names, "options"))
-    with problems.collecting():
-        options = dict(root.table("options", optional=True).values)
-    problems.raise_any()
-    return values["kind"], values["jobs"], options
+    root = Table(read_toml(file, "a cluster file, see docs/campaigns.md")[1], file, "")
+    values = read_closed(root, CLUSTER_FILE, "options")
+    return values["kind"], values["jobs"], dict(root.table("options", optional=True).values)
 
 
 @contextmanager

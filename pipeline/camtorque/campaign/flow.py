@@ -43,14 +43,10 @@ OWN_FIGURE = re.compile(r"figures/[^/]+\.svg")
 
 @dataclass(frozen=True)
 class CampaignOptions:
-    """How a campaign is computed; nothing of it changes a number.
+    """How a campaign is computed, see docs/campaigns.md; nothing of it changes a number.
 
-    Attributes
-    ----------
-    workers : processes of this machine, None for as many as there are processors for this one
-    scheduler : address of a running Dask scheduler, instead of workers of this machine
-    cluster : file that says how to ask a batch system for workers, see docs/campaigns.md
-    retry_failed : compute again what was refused before
+    ``workers`` of this machine are as many as there are processors for this one where it is None; a ``scheduler`` or a
+    ``cluster`` file names others instead.
     """
 
     workers: int | None = None
@@ -224,11 +220,8 @@ def joint_fit(
 ) -> tuple[CampaignFit | None, tuple[Finding, ...]]:
     """Return the joint fit; recordings of different pumps or groups, or of ids that repeat, cannot be fitted together.
 
-    Parameters
-    ----------
-    count : usable recordings
-    read : gives what the joint fit needs of one of them; nothing is held of those that cannot be fitted together
-    threads : recordings that are worked at side by side
+    ``read`` gives what it needs of one of ``count`` usable recordings; nothing is held of those that cannot be fitted
+    together. As many as ``threads`` are worked at side by side.
     """
     if count < 2:
         return _none(f"{counted(count, 'usable recording', 'usable recordings')}, a joint fit needs at least 2")

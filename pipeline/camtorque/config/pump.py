@@ -116,7 +116,7 @@ def load_pump_config(path: Path | str) -> PumpConfig:
     problems = Problems()
     tables = {name: _values(root, name, problems) for name in ONCE}
     sections = _sections(root, problems)
-    problems.raise_any()
+    problems.raise_any(listed=False)
     pump = tables["pump"]
     if (pump["cam_table_path"] is None) == (not sections):
         raise Refusal(f"{file}: expected either cam_table in [pump] or [[cam.sections]]; give one of them")

@@ -227,17 +227,10 @@ DRIVE = TableSchema("[drive]", "what turns the pump, where known", (
         Band(1.0, 1e9, "from a rubber coupling to a ship's shaft"), own=True),
 ), required=False)  # fmt: skip
 
-RECORDING_TABLES: dict[str, TableSchema] = {
-    "recording": RECORDING,
-    "pump": PUMP,
-    "trigger": TRIGGER,
-    "sensors": SENSOR,
-    "loggers": LOGGER,
-    "channels": CHANNEL,
-    "fluid": FLUID,
-    "drive": DRIVE,
+RECORDING_TABLES = {
+    table.header.strip("[].*"): table for table in (RECORDING, PUMP, TRIGGER, SENSOR, LOGGER, CHANNEL, FLUID, DRIVE)
 }
-"""Tables of recording.toml."""
+"""Tables of recording.toml by their names."""
 
 SECTION = TableSchema("[[cam.sections]]", "the cam in sections along the direction of running", (
     Key("kind", "text", "law of the section, see predict.md"),

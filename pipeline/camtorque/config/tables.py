@@ -22,7 +22,7 @@ LONGEST_KEY = 100
 """Parts of a dotted key: each costs the parser as much as all before it."""
 LONGEST_TEXT = 4096
 MOST_LISTED = 8
-"""Files of a folder that a refusal names."""
+"""Files of a folder, or problems of a file, that a refusal names."""
 DECIMAL_COMMA = re.compile(r"[\w.\- ]+=\s*[+-]?[\d.']*\d,\d+([eE][+-]?\d+)?\s*(#.*)?")
 OTHER_SCHEMA = re.compile(r"(camtorque-[a-z]+|fip-bench-recording)/\d+")
 TOML_SLIPS = {
@@ -35,17 +35,18 @@ BETWEEN_KEYS = re.compile(r"[,=\[\]{}#]")
 
 
 class Refusals(Refusal):
-    """Several reasons at once; the message is the first and how many follow."""
+    """Several reasons at once; the message is the first and how many follow, or many where no command lists them."""
 
-    def __init__(self, problems: tuple[str, ...]) -> None:
-        more = len(problems) - 1
-        tail = f" (and {more} more; 'camtorque check' lists them all)" if more else ""
-        super().__init__(problems[0] + tail)
-        self.problems = problems
+    def __init__(self, problems: tuple[str, ...], listed: bool = True) -> None:
+        named, hint = (1, "; 'camtorque check' lists them all") if listed else (MOST_LISTED, "")
+        more = len(problems) - named
+        tail = f" (and {more} more{hint})" if more > 0 else ""
+        super().__init__("; also ".join(problems[:named]) + tail)
+        self.problems, self.listed = problems, listed
 
-    def __reduce__(self) -> tuple[type[Refusals], tuple[tuple[str, ...]]]:
+    def __reduce__(self) -> tuple[type[Refusals], tuple[tuple[str, ...], bool]]:
         """Return how to pickle the refusal, so that it comes back complete from a worker process."""
-        return Refusals, (self.problems,)
+        return Refusals, (self.problems, self.listed)
 
 
 @dataclass
@@ -59,15 +60,13 @@ class Problems:
         """Note a refusal and go on."""
         try:
             yield
-        except Refusals as refusals:
-            self.texts += refusals.problems
         except Refusal as refusal:
-            self.texts.append(str(refusal))
+            self.texts += refusal.problems if isinstance(refusal, Refusals) else (str(refusal),)
 
-    def raise_any(self) -> None:
-        """Refuse where anything was noted."""
+    def raise_any(self, listed: bool = True) -> None:
+        """Refuse where anything was noted; ``listed`` by `camtorque check`, as is what is wrong with a recording."""
         if self.texts:
-            raise Refusals(tuple(dict.fromkeys(self.texts)))
+            raise Refusals(tuple(dict.fromkeys(self.texts)), listed)
 
 
 def read_toml(file: Path, expected: str) -> tuple[str, dict[str, Any]]:
@@ -232,16 +231,17 @@ def read_keys(table: Table, schema: TableSchema, problems: Problems) -> dict[str
 
 
 def read_closed(table: Table, schema: TableSchema, *others: str) -> dict[str, Any]:
-    """Return attribute -> value of a table that holds the keys of a schema, perhaps tables of ``others``, and no more.
+    """Return attribute -> value of a table that holds the keys of a schema, perhaps ``others``, and no more.
 
     Raises
     ------
-    Refusals : an unknown key; all else that is wrong
+    Refusals : all that is wrong
     """
-    table.only((*schema.names, *others))
     problems = Problems()
+    with problems.collecting():
+        table.only((*schema.names, *others))
     values = read_keys(table, schema, problems)
-    problems.raise_any()
+    problems.raise_any(listed=False)
     return values
 
 
@@ -284,11 +284,10 @@ def _numbers(table: Table, key: Key, value: Any) -> tuple[float, ...]:
     return tuple(_number(table, key, item) for item in value)
 
 
-def _pair(table: Table, key: Key, value: Any) -> tuple[float, float]:
+def _pair(table: Table, key: Key, value: Any) -> tuple[float, ...]:
     if not isinstance(value, list) or len(value) != 2:
         raise Refusal(f"{table.where(key.name)}: found {_shown(value)}, expected two numbers in brackets")
-    first, second = _numbers(table, key, value)
-    return first, second
+    return _numbers(table, key, value)
 
 
 def _flag(table: Table, key: Key, value: Any) -> bool:

@@ -5,8 +5,9 @@ The page shows the front as a chart whose points open their cam, without a scrip
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from markupsafe import Markup
 from camtorque.config.schemas import PUMP as PUMP_TABLE
 from camtorque.design.explain import SEEN, Price, Spread, limit_words, plain_name, prices, spreads, unit_of
 from camtorque.design.front import Front, FrontPoint, find_front
-from camtorque.design.responses import RESPONSES, Evaluated
+from camtorque.design.responses import RESPONSES, Evaluated, Solved
 from camtorque.design.task import Task
 from camtorque.ingest.cam_table import outlying_points
 from camtorque.ingest.new_recording import toml_value
@@ -36,6 +37,8 @@ from camtorque.units import BAR, DEGREE, TURN
 TABLE_STEP_DEG, TABLE_DECIMALS = 0.5, 5
 PRESSURE_STEP_DEG = 0.25
 PUMP, TABLE = "pump.toml", "cam.csv"
+COLUMNS = {"cam_table_angle_column": "cam_angle_deg", "cam_table_lift_column": "lift_mm"}
+"""Of the lift table."""
 
 
 @dataclass(frozen=True)
@@ -72,9 +75,8 @@ def lift_table_text(design: Evaluated) -> str:
     degrees = np.arange(0.0, 360.0, TABLE_STEP_DEG)
     lift = 1e3 * design.lobe.law().evaluate(degrees * DEGREE)
     rows = "\n".join(f"{a:.1f},{y:.{TABLE_DECIMALS}f}" for a, y in zip(degrees, np.maximum(lift, 0.0), strict=True))
-    return (
-        f"# lift of the chosen design, resolution {10.0 ** (3 - TABLE_DECIMALS):g} um\ncam_angle_deg,lift_mm\n{rows}\n"
-    )
+    head = f"# lift of the chosen design, resolution {10.0 ** (3 - TABLE_DECIMALS):g} um"
+    return f"{head}\n{','.join(COLUMNS.values())}\n{rows}\n"
 
 
 def pressure_text(design: Evaluated, number: int) -> str:
@@ -94,10 +96,9 @@ def pump_text(design: Evaluated) -> str:
     """Return the pump file of a design, which `predict` runs."""
     pump, config = design.pump, design.config
     stated = {key.name: getattr(pump, key.attribute) for key in PUMP_TABLE.keys if key.used}
-    columns = {"cam_table": TABLE, "cam_table_angle_column": "cam_angle_deg", "cam_table_lift_column": "lift_mm"}
     guide, bearing, pin = config.friction
     rows = {
-        "pump": {"id": "design", **stated, **columns},
+        "pump": {"id": "design", **stated, "cam_table": TABLE, **COLUMNS},
         "mounting": {"rotation": "positive" if config.rotation == 1 else "negative", "gravity_m_per_s2": config.gravity,
                      "spring_mass_kg": config.spring_mass, "guide_height_m": config.guide_height},
         "shaft": {"phases_deg": design.phases / DEGREE},
@@ -197,8 +198,10 @@ def front_svg(front: Front, aims: tuple[str, ...], axes: tuple[int, int], before
     parts = _axes(horizontal, vertical, label_of(aims[across]), label_of(aims[up]))
     place = f'cx="{horizontal(first[0]):.1f}" cy="{vertical(first[1]):.1f}" r="5" fill="none" stroke-width="1.6"'
     parts += [f"<circle {place} {stroke('muted')}><title>first guess</title></circle>"] if near else []
-    for k, point in enumerate(front.points):
-        tone, radius = ("bad", 6.5) if k == front.chosen else (CYCLE[_family_number(front, point)], 4.5)
+    families = [point.problem.family.name for point in front.points]
+    tones = dict(zip(dict.fromkeys(families), cycle(CYCLE), strict=False))
+    for k, family in enumerate(families):
+        tone, radius = ("bad", 6.5) if k == front.chosen else (tones[family], 4.5)
         hint = f"design {k + 1}: {label_of(aims[across])} {x[k]:.4g}, {label_of(aims[up])} {y[k]:.4g}"
         place = f'cx="{horizontal(x[k]):.1f}" cy="{vertical(y[k]):.1f}" r="{radius}"'
         parts.append(f'<a href="#d{k + 1}"><circle {place} {fill(tone)}><title>{hint}</title></circle></a>')
@@ -223,11 +226,6 @@ def _first_guess_words(answer: Answer, before: Mapping[str, float]) -> str:
     return f"The first guess {seen}" + (f"; it breaks the limit of {' and '.join(broken)}." if broken else ".")
 
 
-def _family_number(front: Front, point: FrontPoint) -> int:
-    names = list(dict.fromkeys(p.problem.family.name for p in front.points))
-    return names.index(point.problem.family.name) % len(CYCLE)
-
-
 def _axes(across: Scale, up: Scale, below: str, beside: str) -> list[str]:
     places, levels = (tick_texts(ticks(scale.low, scale.high)) for scale in (across, up))
     parts = [line(across(v), up.start, across(v), up.stop, "grid") for v, _ in places]
@@ -248,15 +246,12 @@ def design_svg(point: FrontPoint, names: tuple[str, ...]) -> str:
     def on_grid(values: Array, lag: float = 0.0) -> Array:
         return np.interp(np.mod(grid - lag, TURN), theta, values[design.order], period=TURN)
 
-    tones = [CYCLE[k % len(CYCLE)] for k in range(len(names))]
-    torque = tuple(
-        Line(name, np.sum([on_grid(solved.outputs["torque"], lag) for lag in design.phases], axis=0), tone)
-        for name, solved, tone in zip(names, design.solved, tones, strict=True)
-    )
-    hertz = tuple(
-        Line(name, on_grid(1e-9 * solved.hertz), tone)
-        for name, solved, tone in zip(names, design.solved, tones, strict=True)
-    )
+    def a_line_a_load(values: Callable[[Solved], Array]) -> tuple[Line, ...]:
+        loads = enumerate(zip(names, design.solved, strict=True))
+        return tuple(Line(name, values(solved), CYCLE[k % len(CYCLE)]) for k, (name, solved) in loads)
+
+    torque = a_line_a_load(lambda s: np.sum([on_grid(s.outputs["torque"], lag) for lag in design.phases], axis=0))
+    hertz = a_line_a_load(lambda s: on_grid(1e-9 * s.hertz))
     steep = np.arctan(design.path[1]) / DEGREE
     panels = (
         Panel("lift [mm]", (Line("lift", on_grid(1e3 * design.lift[0]), "c2"),), height=90.0),

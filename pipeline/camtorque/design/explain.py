@@ -41,13 +41,9 @@ SIDES = ("lower", "upper")
 
 @dataclass(frozen=True)
 class Price:
-    """What a limit or bound costs: the change of each aim per unit by which it is loosened, the other aims held.
+    """What a limit or bound (in words) costs: the change of each aim, in its unit, per unit by which it is loosened.
 
-    Attributes
-    ----------
-    what : limit or bound in words
-    unit : of the limit
-    per_aim : aim -> change of that aim, in its unit, per unit of the limit
+    The other aims are held.
     """
 
     what: str

@@ -14,7 +14,7 @@ import numpy as np
 from camtorque.design.explain import refuse_collision, refuse_idle
 from camtorque.design.problem import Problem
 from camtorque.design.responses import RESPONSES, Design, Evaluated
-from camtorque.design.solver import Scale, Solution, scaled_aims, signs_of, solve, violation
+from camtorque.design.solver import Scale, Solution, reached, scaled_aims, signs_of, solve, violation
 from camtorque.design.task import KNEE, Task
 from camtorque.process.second_process import in_two
 from camtorque.progress import Progress
@@ -92,10 +92,8 @@ def own_scale(problem: Problem) -> Scale:
 
 
 def _least_violation(problem: Problem) -> Solution:
-    generator = np.random.default_rng(problem.task.seed)
-    starts = [problem.start(), *(problem.random_start(generator) for _ in range(problem.task.starts))]
     found = []
-    for start in starts:
+    for start in problem.starts(problem.start(), problem.task.starts):
         found.append(solve(problem, own_scale(problem), start, relaxed=True))
         if found[-1].feasible:
             break
@@ -112,8 +110,7 @@ def _ends(problem: Problem, tell: Progress) -> list[Solution]:
             tell(f"{problem.family.name}: no design keeps all limits")
             return []
         start = relaxed.variables
-    generator = np.random.default_rng(task.seed)
-    starts = [start, *(problem.random_start(generator) for _ in range(task.starts - 1))]
+    starts = problem.starts(start, task.starts - 1)
     ends = []
     for i, name in enumerate(task.aims):
         best = _best_of(problem, scale, starts, i)
@@ -125,8 +122,7 @@ def _ends(problem: Problem, tell: Progress) -> list[Solution]:
 
 def _best_of(problem: Problem, scale: Scale, starts: list[Array], aim: int) -> Solution:
     """Return the best design of one aim from several starts; the first one keeps all limits."""
-    here = starts[0]
-    found = [Solution(here, scaled_aims(problem, scale, here), violation(problem, here))]
+    found = [reached(problem, scale, starts[0])]
     for pair in in_two(partial(_solved_twice, problem, scale, aim), starts):
         found += pair
     return min((s for s in found if s.feasible), key=lambda s: float(s.aims[aim]))
@@ -186,14 +182,10 @@ def _between(problem: Problem, scale: Scale, ends: list[Solution], count: int, t
             tell(f"{problem.family.name}: {number} of {order.size} points of the front, {left:.0f} s left")
 
 
-def _direction(aims: Array) -> Array:
-    """Return where on the lattice a point lies: the aims less what they have in common."""
-    return aims - np.mean(aims)
-
-
 def _nearest(goal: Array, solved: list[FrontPoint]) -> list[FrontPoint]:
-    """Return the two points whose place on the lattice is nearest to a reference point's."""
-    return sorted(solved, key=lambda point: float(np.sum((_direction(point.aims) - _direction(goal)) ** 2)))[:2]
+    """Return the two points that are nearest to a reference point on the lattice: by what aims have not in common."""
+    place = goal - np.mean(goal)
+    return sorted(solved, key=lambda point: float(np.sum((point.aims - np.mean(point.aims) - place) ** 2)))[:2]
 
 
 def _approach(problem: Problem, scale: Scale, wanted: tuple[Array, list[FrontPoint]]) -> FrontPoint | None:

@@ -32,14 +32,10 @@ FRICTION_NAMES = ("guide_friction", "bearing_arm", "pin_arm")
 
 @dataclass(frozen=True)
 class FittedStroke(ReadOnly):
-    """The fitted chamber under the load of a recording.
+    """The pressure on the plunger over the angle of the fitted cam, by the fitted chamber under a recording's load.
 
-    Attributes
-    ----------
-    recording : its name
-    pressure : on the plunger over the angle of the fitted cam
-    delivering : share of the plunger's flow that leaves for the line, at the angles of ``pressure``; empty where no
-        chamber was fitted, which alone would tell it
+    ``delivering`` is the share of the plunger's flow that leaves for the line, at the angles of ``pressure``; empty
+    where no chamber was fitted, which alone would tell it.
     """
 
     recording: str

@@ -65,12 +65,10 @@ class Problem:
         """The design that the search begins with."""
         return self.evaluated(self.start())
 
-    def random_start(self, generator: np.random.Generator) -> Array:
-        """Return a design anywhere within the bounds, its flanks near the first guess."""
-        free = self.low.size
-        start = self.start()
-        start[:free] = generator.random(free)
-        return start
+    def starts(self, first: Array, more: int) -> list[Array]:
+        """Return a design and some more anywhere within the bounds, their flanks near the first guess."""
+        generator, free, flanks = np.random.default_rng(self.task.seed), self.low.size, self.start()[self.low.size :]
+        return [first, *(np.concatenate([generator.random(free), flanks]) for _ in range(more))]
 
     def design(self, variables: Array) -> Design:
         """Return the design of some variables."""

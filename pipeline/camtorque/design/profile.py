@@ -29,12 +29,9 @@ NEWTON_STEPS = 4
 
 @dataclass(frozen=True)
 class Family:
-    """A family of flanks: one fixed kind, or B-splines whose inner coefficients are free.
+    """A family of flanks, by its name in `LAWS`: one fixed kind, or B-splines whose inner coefficients are free.
 
-    Attributes
-    ----------
-    name : of `LAWS`
-    degree, pieces : of a B-spline; 0 for a fixed kind
+    ``degree`` and ``pieces`` are those of a B-spline, 0 for a fixed kind.
     """
 
     name: str
@@ -129,13 +126,9 @@ def _cross(table, step, lifts, top, out):  # type: ignore[no-untyped-def]
 
 @dataclass(frozen=True)
 class Lobe(ReadOnly):
-    """One lobe in the direction of running: rise, dwell, return, rest on the base circle.
+    """One lobe in the direction of running: rise, dwell, return, rest on the base circle [m, rad].
 
-    Attributes
-    ----------
-    family : of both flanks; ``rise``, ``fall`` are their free coefficients
-    lift : [m]
-    angles : of rise, upper dwell and return [rad]
+    ``angles`` are those of rise, upper dwell and return; ``rise`` and ``fall`` the free coefficients of the flanks.
     """
 
     family: Family

@@ -7,7 +7,7 @@ from typing import Any
 
 from camtorque.config.keys import Band, Key, TableSchema
 from camtorque.config.schemas import CAM_SPEED
-from camtorque.config.tables import Problems, Table, read_keys
+from camtorque.config.tables import Table, read_closed
 from camtorque.units import DEGREE
 
 DESIGN_SCHEMA = "camtorque-design/1"
@@ -59,13 +59,8 @@ ANSWER = TableSchema("[answer]", "what is wanted", (
 
 
 def read_values(table: Table, schema: TableSchema, *others: str) -> dict[str, Any]:
-    """Return key -> value in SI of a table with the keys of a schema and some others; all that is wrong is said."""
-    problems = Problems()
-    values = read_keys(table, schema, problems)
-    if schema is not TOP:
-        with problems.collecting():
-            table.only((*schema.names, *others))
-    problems.raise_any()
+    """Return key -> value in SI of a table that holds the keys of a schema, perhaps others, and no more."""
+    values = read_closed(table, schema, *others)
     return {key.name: values[key.attribute] for key in schema.keys}
 
 

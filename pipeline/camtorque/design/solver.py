@@ -67,13 +67,13 @@ class Programme:
         self.problem, self.scale, self.reference, self.relaxed = problem, scale, reference, relaxed
         parts = problem.values(problem.start())
         self.aims: tuple[str, ...] = () if relaxed else problem.task.aims
-        self.ranges = [name for name in problem.names if RESPONSES[name].extreme == "range"]
-        self.floors = {(name, k): i for i, (name, k) in enumerate(
-            (name, k) for name in self.ranges for k in range(len(parts[name]) // 2))}  # fmt: skip
+        ranges = [name for name in problem.names if RESPONSES[name].extreme == "range"]
+        floors = [(name, k) for name in ranges for k in range(len(parts[name]) // 2)]
+        self.floors = {floor: i for i, floor in enumerate(floors)}
         n, m = problem.size, len(self.aims)
         self.at_aims, self.at_floors = n, n + m
         self.size = n + m + len(self.floors) + 1
-        self.floor_scale = {name: max(float(np.max(np.abs(parts[name][0]))), 1e-9) for name in self.ranges}
+        self.floor_scale = {name: max(float(np.max(np.abs(parts[name][0]))), 1e-9) for name in ranges}
 
     def blocks(self, vector: Array, slopes: bool) -> tuple[list[Array], list[Array], list[Label]]:
         """Return what has to be 0 or more as (values, rows, labels); no rows without ``slopes``."""
@@ -211,16 +211,19 @@ class Solution(ReadOnly):
         return self.violation <= FEASIBLE
 
 
+def reached(problem: Problem, scale: Scale, variables: Array) -> Solution:
+    """Return some variables with what their design reaches."""
+    return Solution(variables, scaled_aims(problem, scale, variables), violation(problem, variables))
+
+
 def solve(
     problem: Problem, scale: Scale, start: Array, *, single: int | None = None, reference: Array | None = None,
     relaxed: bool = False,
 ) -> Solution:  # fmt: skip
     """Return the solution of one programme from a start.
 
-    Parameters
-    ----------
-    single : index of the only aim that counts; or ``reference`` (m,), the point to be approached; or ``relaxed`` for
-        the least violation of the limits
+    It is asked for by ``single``, the index of the only aim that counts; or by ``reference`` (m,), the point to be
+    approached; or ``relaxed`` for the least violation of the limits.
     """
     programme = Programme(problem, scale, reference, relaxed)
     gradient, between = programme.objective(), reference is not None
@@ -242,8 +245,7 @@ def solve(
         bounds=programme.bounds(), constraints=constraints, method="SLSQP",
         options={"maxiter": ITERATIONS if between else END_ITERATIONS, "ftol": TOLERANCE if between else END_TOLERANCE},
     )  # fmt: skip
-    variables = np.clip(np.nan_to_num(found.x[: problem.size]), 0.0, 1.0)
-    return Solution(variables, scaled_aims(problem, scale, variables), violation(problem, variables))
+    return reached(problem, scale, np.clip(np.nan_to_num(found.x[: problem.size]), 0.0, 1.0))
 
 
 def multipliers(problem: Problem, scale: Scale, variables: Array, reference: Array | None, relaxed: bool = False

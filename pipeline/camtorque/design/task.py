@@ -116,8 +116,7 @@ def read_task(path: Path | str, fitted: FittedPump | None = None) -> Task:
     """
     file = Path(path)
     text, root = read_schema(file, DESIGN_SCHEMA, f"expected a design file (schema {DESIGN_SCHEMA})")
-    root.only((*TOP.names, "lift", "free", "load", "aims", "limits", "tolerances", "answer"))
-    top = read_values(root, TOP)
+    top = read_values(root, TOP, "lift", "free", "load", "aims", "limits", "tolerances", "answer")
     config, findings = read_pump(top["pump"])
     if top["fit"] is not None:
         config = replace(config, friction=fitted_friction(top["fit"], config))

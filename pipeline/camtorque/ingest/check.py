@@ -11,11 +11,11 @@ import numpy as np
 
 from camtorque.config import RecordingConfig
 from camtorque.records import Array, Channel, Finding, Recording, Refusal
+from camtorque.signal.damage import SPIKE_TIMES_BESIDE, Scan, scan_channel
 from camtorque.signal.edges import without_bounces
 from camtorque.signal.inductive import find_pulses
 from camtorque.signal.logger_time import pause_intervals
 from camtorque.signal.marks import uneven_marks
-from camtorque.signal.scan import SPIKE_TIMES_BESIDE, Scan, scan_channel
 from camtorque.units import BAR, DEGREE, RPM, counted, short
 
 VACUUM = -1.5 * BAR

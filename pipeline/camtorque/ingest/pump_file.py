@@ -40,7 +40,7 @@ def read_pump(path: Path | str) -> tuple[PumpConfig, tuple[Finding, ...]]:
 
 def _unusual(config: PumpConfig, table: CamTable, but: AbstractSet[str] = frozenset()) -> tuple[Finding, ...]:
     """Hold the sizes of a pump against each other, unless it has no lift: its cam is refused then."""
-    if not np.max(table.lift) > 0.0:
+    if not np.ptp(table.lift) > 0.0:
         return ()
     return tuple(check_pump(config.pump, table, config.rotation, config.path, but=but))
 

@@ -136,12 +136,9 @@ def in_two(function: Callable[[T], R], items: Sequence[T], at_once: bool = False
     """Return the results of a function in the order of the items, some of them from a second process.
 
     Each process begins the next item as soon as it has done one: some take ten times as long as others. Outside of
-    `second_process`, and inside the function itself, one process does them in turn.
-
-    Parameters
-    ----------
-    function : of a module, or a `functools.partial` of one
-    at_once : whether the first item does not go before the others to compile and load for both processes
+    `second_process`, and inside the function itself, one process does them in turn. The function is one of a module, or
+    a `functools.partial` of one; the first item goes before the others, to compile and load for both processes, unless
+    all begin ``at_once``.
     """
     second = _SECOND.get()
     if second is None or len(items) < 2 or second.number < 0:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 from camtorque.process.stopping import end_workers
 
@@ -23,49 +23,40 @@ class Lost:
     """In place of a result: two workers died on this item, one after the other."""
 
 
-@dataclass(frozen=True)
-class _Job(Generic[T]):
-    pool: ProcessPoolExecutor
-    item: T
-    again: bool = False
-
-
 def on_processes(call: Callable[[T], R], items: Iterable[T], workers: int) -> Iterator[tuple[T, R | Lost]]:
     """Yield each item with its result as it is done by a function of a module, in fresh processes.
 
-    Notes
-    -----
     An item whose worker dies is tried once more; then `Lost` is its result. Whatever ends the loop ends the workers.
     """
     # the process that clears away semaphores would warn on standard error when workers were killed
     os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker")
     waiting = iter(items)
-    running: dict[Future[R], _Job[T]] = {}
+    running: dict[Future[R], tuple[ProcessPoolExecutor, T, bool]] = {}
 
-    def start(job: _Job[T]) -> None:
-        running[job.pool.submit(call, job.item)] = job
+    def start(pool: ProcessPoolExecutor, item: T, again: bool = False) -> None:
+        running[pool.submit(call, item)] = pool, item, again
 
     def start_next(pool: ProcessPoolExecutor) -> None:
         for item in waiting:
-            start(_Job(pool, item))
+            start(pool, item)
             return
         pool.shutdown(wait=False)
 
     try:
         for item in waiting:
-            start(_Job(_pool(), item))
+            start(_pool(), item)
             if len(running) == workers:
                 break
         while running:
             done, _ = wait(running, return_when=FIRST_COMPLETED)
             for future in done:
-                job = running.pop(future)
+                pool, item, again = running.pop(future)
                 died = isinstance(future.exception(), BrokenProcessPool)
-                if died and not job.again:
-                    start(_Job(_pool(), job.item, again=True))
+                if died and not again:
+                    start(_pool(), item, again=True)
                     continue
-                start_next(_pool() if died else job.pool)
-                yield job.item, Lost() if died else future.result()
+                start_next(_pool() if died else pool)
+                yield item, Lost() if died else future.result()
     except BaseException:
         end_workers()
         raise

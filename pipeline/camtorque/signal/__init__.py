@@ -2,7 +2,7 @@
 
 edges, levels                 digital and Hall sensors: half height, sub-sample
 inductive                     coils: zero crossings; `find_pulses` of any pick-up
-scan, damage                  samples that are missing, clipped, isolated or stand still: one rule each
+damage                        samples that are missing, clipped, isolated or stand still: one rule each
 logger_time                   sample number -> time on the logger's clock, where the file's time jumps
 marks                         triggers that do not give one pulse per turn of the cam
 running                       running median and maximum

@@ -1,15 +1,20 @@
-"""What is wrong with raw samples: missing, clipped, standing still; one rule each, for `check` and for `align`.
+"""What is wrong with raw samples: missing, clipped, isolated, standing still; one rule each, for `check` and `align`.
 
-A clipped top is a run of equal samples at the end of the range from which the signal falls steeply on both sides.
+A clipped top is a run of equal samples at the end of the range from which the signal falls steeply on both sides. No
+model and no cam angle is used; what `check` looks for is looked for in blocks of a channel, which may be larger than
+memory.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from camtorque.records import Array, Integers, Mask, SensorCalibration
+from camtorque.compiled import compiled_pays
+from camtorque.records import Array, Channel, Integers, Mask, SensorCalibration
 from camtorque.signal import passes_compiled
-from camtorque.signal.running import percentile
+from camtorque.signal.running import median, percentile
 from camtorque.signal.threshold import Count, Threshold
 
 FLAT_RUN = Count(
@@ -34,13 +39,10 @@ NO_VOLTAGE = Threshold(
 
 
 def damage_of(volts: Array, lowest: float, highest: float) -> tuple[int, int, int, int]:
-    """Count what is wrong with the samples of a cycle.
+    """Count the samples of a cycle that are at or beyond the output range, those that are no numbers or absurd ones.
 
-    Returns
-    -------
-    Samples at or beyond the output range; samples that are no numbers, or absurd ones; longest run of equal samples;
-    length of the longest clipped top (and bottom, where ``lowest`` is finite). What the extremes rule out is not
-    looked for, nor are runs without equal neighbours.
+    Then come the longest run of equal samples and the length of the longest clipped top (and bottom, where ``lowest``
+    is finite). What the extremes rule out is not looked for, nor are runs without equal neighbours.
     """
     if not volts.size:
         return 0, 0, 1, 0
@@ -129,19 +131,15 @@ def clipped_samples(volts: Array, extreme: float) -> int:
 
 
 def missing_samples(volts: Array, carried: int) -> tuple[int, int, int]:
-    """Count the samples that are no voltages.
+    """Count the samples that are no voltages (there are some), their longest run and the one that goes on at the end.
 
-    Returns
-    -------
-    How many; the longest run of them, one of ``carried`` samples before the first included; the run that goes on.
+    A run of ``carried`` samples went on before the first.
     """
-    count = count_missing(volts)
-    if not count:
-        return 0, carried, 0 if volts.size else carried
     starts, ends = _stretches(~(np.abs(volts) < NO_VOLTAGE))
     runs = ends - starts
+    count = int(runs.sum())
     runs[0] += carried if starts[0] == 0 else 0
-    return count, max(carried, int(runs.max())), int(runs[-1]) if ends[-1] == volts.size else 0
+    return count, int(runs.max()), int(runs[-1]) if ends[-1] == volts.size else 0
 
 
 def _stretches(flags: Mask) -> tuple[Integers, Integers]:
@@ -155,3 +153,103 @@ def converter_step(volts: Array) -> float:
     change = np.abs(np.diff(volts))
     change = change[(change > 0.0) & (change < NO_VOLTAGE)]
     return percentile(change, 5.0) if change.size else 0.0
+
+
+BLOCK = 1_000_000
+OVERLAP = 4
+SPIKE_TIMES_MEDIAN = Threshold(10.0, "1", "statistics", "An isolated sample bends by this many times the usual bend.")
+SPIKE_TIMES_BESIDE = Threshold(4.0, "1", "convention", "And by this many times the bends beside it.")
+SPIKE_STEPS = Threshold(
+    5.0, "steps", "convention",
+    "And by this many steps of the converter: a coarse one bends by a step now and then, and usually not at all."
+)  # fmt: skip
+SPIKE_SHAPE = Threshold(
+    0.1, "1", "convention", "The two samples beside it bend by minus half of that, but for this part of it."
+)
+LEAST_SWING_VOLTS = 1.0e-9
+LISTED = 300
+
+
+@dataclass(frozen=True)
+class Scan:
+    """What the samples of one channel show; voltages [V].
+
+    Attributes
+    ----------
+    missing, longest_missing : samples that are no voltages, and the longest run of them
+    clipped_low, clipped_high : samples in clipped runs at the lowest and highest value
+    isolated, isolated_at : samples that stand out from both neighbours as no signal does (flipped bits, glitches), and
+        the places of up to `LISTED`, spread over the log
+    """
+
+    n_samples: int
+    low: float
+    high: float
+    missing: int
+    longest_missing: int
+    clipped_low: int
+    clipped_high: int
+    isolated: int
+    isolated_at: tuple[int, ...]
+
+    @property
+    def is_constant(self) -> bool:
+        """Tell whether the channel never changes."""
+        return not self.high - self.low > LEAST_SWING_VOLTS
+
+
+def scan_channel(channel: Channel) -> Scan:
+    """Look at every sample of a channel; it is read once, from front to back."""
+    two_sided, compiled = clips_below(channel.calibration), compiled_pays(channel.n_samples)
+    missing, longest, carried, isolated = 0, 0, 0, np.empty(0, dtype=np.int64)
+    lows, highs = [(np.inf, 0)], [(-np.inf, 0)]
+    for begin in range(0, channel.n_samples, BLOCK):
+        first = max(begin - OVERLAP, 0)
+        volts = np.ascontiguousarray(channel.read_volts(first, min(begin + BLOCK + OVERLAP, channel.n_samples)))
+        isolated = np.r_[isolated, first + isolated_samples(volts, compiled)]
+        own = volts[begin - first :][:BLOCK]
+        low, high, is_whole = _ends(own)
+        count, run, carried = (0, 0, 0) if is_whole else missing_samples(own, carried)
+        missing, longest = missing + count, max(longest, run)
+        lows.append((low, clipped_samples(own, low) if two_sided else 0))
+        highs.append((high, clipped_samples(own, high)))
+    low, high = min(lows)[0], max(highs)[0]
+    # a block whose own extreme is not the channel's has no sample there
+    clipped = [sum(n for end, n in ends if end == extreme) for ends, extreme in ((lows, low), (highs, high))]
+    low, high = (low, high) if np.isfinite(low) else (np.nan, np.nan)
+    spread = np.linspace(0, isolated.size - 1, min(isolated.size, LISTED)).astype(np.int64)
+    found = isolated.size, tuple(isolated[spread].tolist())
+    return Scan(channel.n_samples, low, high, missing, longest, clipped[0], clipped[1], *found)
+
+
+def _ends(volts: Array) -> tuple[float, float, bool]:
+    """Return the extremes of the samples that are voltages, infinite where none is, and whether all are."""
+    low, high = float(np.min(volts)), float(np.max(volts))
+    if -NO_VOLTAGE < low <= high < NO_VOLTAGE:
+        return low, high, True
+    known = volts[np.abs(volts) < NO_VOLTAGE]
+    return float(np.min(known, initial=np.inf)), float(np.max(known, initial=-np.inf)), False
+
+
+def isolated_samples(volts: Array, compiled: bool) -> Integers:
+    """Return indices of samples that stand out from both neighbours while these agree with each other.
+
+    With the bend d_i = x_i - (x_(i-1) + x_(i+1))/2, one wrong sample gives d_i = s and d_(i+-1) = -s/2; an edge gives
+    two equal bends of opposite sign, and noise stays near its median.
+    """
+    beside, shape = float(SPIKE_TIMES_BESIDE), float(SPIKE_SHAPE)
+    if volts.size < 2 * OVERLAP + 1:
+        return np.empty(0, dtype=np.int64)
+    if compiled and not passes_compiled.may_be_isolated(volts, float(SPIKE_TIMES_MEDIAN), beside, shape):
+        return np.empty(0, dtype=np.int64)
+    bend = np.zeros(volts.size)
+    bend[1:-1] = volts[1:-1] - 0.5 * (volts[:-2] + volts[2:])
+    size = np.abs(bend)
+    usual = float(np.nanmedian(size)) if np.isnan(np.min(size)) else median(size)
+    places = np.flatnonzero(size > max(SPIKE_TIMES_MEDIAN * usual, LEAST_SWING_VOLTS))
+    places = places[(places >= OVERLAP) & (places < volts.size - OVERLAP)]
+    alone = [np.abs(bend[places + step] / bend[places] + 0.5) < shape for step in (-1, 1)]
+    beyond = np.max([size[places + step] for step in (-3, -2, 2, 3)], axis=0)
+    places = places[alone[0] & alone[1] & (size[places] > beside * beyond)]
+    # what a step of the converter is takes longer to find than all else
+    return places[size[places] > SPIKE_STEPS * converter_step(volts)] if places.size else places

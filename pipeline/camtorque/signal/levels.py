@@ -191,13 +191,10 @@ class EdgeSamples:
 
 
 def edge_samples(windows: Array, before: Integers) -> EdgeSamples:
-    """Normalise rising edges by the plateaus on their two sides.
+    """Normalise rising edges by the plateaus on their two sides, the first and last quarter of their ``windows``.
 
-    Parameters
-    ----------
-    windows : (n, 2 k) samples around each edge, the edge between columns k - 1 and k; the first and last quarter of a
-        window are plateau [V]
-    before : (n,) sample index of column k - 1
+    These are (n, 2 k) samples around each edge [V], the edge between columns k - 1 and k; ``before`` (n,) is the sample
+    index of column k - 1.
     """
     n, width = windows.shape
     if not n:
@@ -223,13 +220,9 @@ def joined(parts: list[EdgeSamples]) -> EdgeSamples:
 
 @dataclass(frozen=True)
 class Crossings:
-    """Half-height crossings.
+    """Half-height crossings (n,) [samples], with their fraction; slope of the flank [heights per sample].
 
-    Attributes
-    ----------
-    position : (n,) [samples], with their fraction
-    slope : of the flank [heights per sample]
-    blur : standard error from the samples being too few to see the flank [samples]
+    ``blur`` is the standard error from the samples being too few to see the flank [samples].
     """
 
     position: Array

@@ -35,12 +35,7 @@ STRAY_PERCENT = (2.0, 98.0)
 
 
 def uneven_marks(times: Array) -> str:
-    """Return what to write where pulses stand at two unequal distances in turn, empty where they do not.
-
-    Parameters
-    ----------
-    times : (n,) of the pulses [s]
-    """
+    """Return what to write where pulses at some times [s] stand at two unequal distances in turn, else nothing."""
     periods = np.diff(times)
     if periods.size < LEAST_PERIODS:
         return ""
@@ -62,9 +57,7 @@ def uneven_marks(times: Array) -> str:
 def repeats_every(rows: Array) -> int:
     """Return the number of revolutions after which a signal repeats, 1 where each is like the next or none is.
 
-    Parameters
-    ----------
-    rows : (n_revolutions, n_points) the signal of successive revolutions; nan where there is none
+    ``rows`` are the signal of successive revolutions, (n_revolutions, n_points); nan where there is none.
     """
     rows = rows[:, np.isfinite(rows).any(axis=0)]
     whole = np.asarray(np.isfinite(rows).all(axis=1))

@@ -146,7 +146,7 @@ LOOSELY = 1.0 + 1e-6
 
 @njit(cache=True, nogil=True)
 def may_be_isolated(volts: Array, times_median: float, times_beside: float, apart: float) -> bool:
-    """Tell whether a block may hold isolated samples: `signal.scan` looks closer then, and most blocks hold none.
+    """Tell whether a block may hold isolated samples: `signal.damage` looks closer then, and most blocks hold none.
 
     The largest bend of that shape is no more than ``times_median`` the median where half of all reach that part of it.
     """

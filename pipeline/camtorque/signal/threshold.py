@@ -18,14 +18,7 @@ BASES = {
 
 
 class _Reasoned:
-    """What a number knows of itself.
-
-    Attributes
-    ----------
-    unit : of the number, ``1`` where it has none
-    basis : what it was set on
-    reason : why it is what it is
-    """
+    """A number with its unit (``1``: none), what it was set on (key of `BASES`), and why it is what it is."""
 
     unit: str
     basis: str
@@ -43,8 +36,8 @@ class _Reasoned:
 
 
 class Threshold(_Reasoned, float):  # type: ignore[misc]
-    """A number with unit, reason and basis (key of `BASES`)."""
+    """A number that decides."""
 
 
 class Count(_Reasoned, int):  # type: ignore[misc]
-    """A whole number with unit, reason and basis."""
+    """A whole number that decides."""

@@ -54,9 +54,8 @@ class Damage:
 
 def _calibration(quantity: str, gain: float) -> SensorCalibration:
     return SensorCalibration(
-        serial="S", quantity=quantity, gain=gain, gain_relative_std=1e-3, zero_volts=0.0, zero_std=0.0,
-        zero_source="standstill", nonlinearity_std=0.0, delay=0.0, delay_std=0.0, cutoff_hz=np.nan, filter_order=0,
-        range_min=-200.0 * gain, range_max=200.0 * gain, output_min_volts=-250.0, output_max_volts=250.0,
+        quantity, gain=gain, gain_relative_std=1e-3, zero_std=0.0, zero_source="standstill", nonlinearity_std=0.0,
+        delay_std=0.0, range_min=-200.0 * gain, range_max=200.0 * gain, output_min_volts=-250.0, output_max_volts=250.0,
     )  # fmt: skip
 
 

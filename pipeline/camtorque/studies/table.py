@@ -19,15 +19,9 @@ VERDICTS = ("works", "degrades", "fails loudly", "fails silently")
 
 @dataclass(frozen=True)
 class Point:
-    """One measured choice.
+    """One measured choice: its method, drawn as one line, what was varied along it, error and cost as the chart says.
 
-    Attributes
-    ----------
-    family : method, drawn as one line
-    setting : what was varied along the line
-    error : against the converged reference, in the unit of the chart
-    cost : in the unit of the chart
-    candidate : False where the choice answers another question (an engine without forces, a foreign step)
+    ``candidate`` is False where it answers another question (an engine without forces, a foreign step).
     """
 
     family: str
