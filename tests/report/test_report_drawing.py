@@ -211,6 +211,8 @@ def test_units_and_errors_as_texts() -> None:
     ("lift goes down to -7 um", "lift goes down to −7 µm"), ("(-0.3 to 2)", "(−0.3 to 2)"),
     ("0.05-0.8, 3-10 g", "0.05–0.8, 3–10 g"), ("valve mass is 20.3 10^6 kg/m^4", "valve mass is 20.3 × 10⁶ kg/m⁴"),
     ("T22-40117, 2026-11-22, run-3", "T22-40117, 2026-11-22, run-3"),
+    ("teeth of 36-1, of 12-17 and of the others", "teeth of 36-1, of 12-17 and of the others"),
+    ("1-60 Hz, 20-50 mm^2, 0.1-1 ms, 2-6 um", "1–60 Hz, 20–50 mm², 0.1–1 ms, 2–6 µm"),
 ])  # fmt: skip
 def test_signs_and_ranges_in_a_sentence(text: str, expected: str) -> None:
     assert exponents(typeset(text)) == expected

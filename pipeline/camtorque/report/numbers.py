@@ -14,7 +14,9 @@ UNKNOWN = "\u2013"
 MINUS = "\u2212"
 
 
+UNITS = "%|rpm|bar|GPa|deg|Hz|kHz|s|ms|min|minutes|mm|mm\u00b2|mm\u00b3|\u00b5m|N|N m|kN|J"
 POWERS = str.maketrans("0123456789-", "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079\u207b")
+RANGE = "\\1\u2013\\2"
 SIGNS = (
     (re.compile(r"\+/?-(?=[\s\d.]|$)"), "\u00b1"),
     (re.compile(r"(?<=\d) (?=10\^\d)"), " \u00d7 "),
@@ -22,11 +24,11 @@ SIGNS = (
     (re.compile(r"(?<![A-Za-z])u(?=rad\b)|(?<=[\d)] )u(?=[ms]\b)"), "\u00b5"),
     (re.compile(r"(?<=\d )Nm\b"), "N m"),
     (re.compile(r"(?<=\d) x (?=[a-z])"), " \u00d7 "),
-    (re.compile(r"(?<![\w.-])(\d+(?:\.\d+)?)-(\d+(?:\.\d+)?)(?![\w-]|\.\d)"), "\\1\u2013\\2"),
+    (re.compile(r"(?<![\w.-])(\d+\.\d+|\d+(?=-\d+\.\d))-(\d+(?:\.\d+)?)(?![\w-]|\.\d)"), RANGE),
+    (re.compile(rf"(?<![\w.-])(\d+)-(\d+)(?= (?:{UNITS}|g|kg|degrees)(?!\w))"), RANGE),
 )
+"""The last are ranges; whole numbers without a unit behind them (36-1) may be the name of a recording or a wheel."""
 
-
-UNITS = "%|rpm|bar|GPa|deg|Hz|kHz|s|ms|min|minutes|mm|mm\u00b2|mm\u00b3|\u00b5m|N|N m|kN|J"
 TIES = re.compile(rf"(?<=\d) (?=(?:{UNITS})(?![\w\u00b2\u00b3]))|(?<=\u00b1) |(?<=\d N) (?=m\b)")
 """Spaces between a number and its unit, and after ±."""
 
