@@ -152,7 +152,7 @@ def pulses(teeth: int, missing: int, turns: int = 12, samples: int = 40) -> File
     return FileChannel("", "x", "V", values.size, float(teeth * samples * 10), "", ArraySource(values))
 
 
-@pytest.mark.parametrize(("teeth", "missing"), [(60, 2), (36, 1), (1, 0)])
+@pytest.mark.parametrize(("teeth", "missing"), [(60, 2), (36, 1), (6, 4), (4, 2), (1, 0)])
 def test_the_pulses_tell_the_wheel(teeth: int, missing: int):
     wheel = wheel_of(pulses(teeth, missing))
     assert wheel is not None

@@ -10,7 +10,7 @@ import numpy as np
 from camtorque.ingest.raw import ArraySource, FileChannel
 from camtorque.records import Array, Channel, Refusal
 from camtorque.signal.inductive import find_pulses
-from camtorque.signal.marks import repeats_every
+from camtorque.signal.marks import pitches_of, repeats_every, two_marks
 from camtorque.units import TURN
 
 LOOKED_AT = 400_000
@@ -61,7 +61,8 @@ def wheel_of(
 ) -> Wheel | None:
     """Return what the pulses show, None where there are too few.
 
-    A gap or an extra tooth tells the teeth, else an index does, else there is one pulse a turn.
+    A gap, an extra tooth or two teeth at unequal distances tell the wheel, else an index does, else it is one pulse a
+    turn.
 
     Parameters
     ----------
@@ -85,6 +86,10 @@ def wheel_of(
 def _teeth(times: Array) -> tuple[Wheel, Array]:
     """Return the wheel that its pulses show, one revolution of it, and when its revolutions begin [s]."""
     periods = np.diff(times)
+    if share := two_marks(times):
+        turns = times[1 + int(np.argmax(periods[:2])) :: 2]
+        pitches = pitches_of(share)
+        return (Wheel(_rate(turns), pitches, pitches - 2) if pitches else Wheel(_rate(turns))), turns
     padded = np.pad(periods, BESIDE, mode="edge")
     beside = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * BESIDE + 1), axis=1)
     ratio = periods / beside

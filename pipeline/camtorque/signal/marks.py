@@ -34,19 +34,36 @@ STRAY_PERCENT = (2.0, 98.0)
 """Percentiles of all samples beyond which a few are strays; what a pump does lasts longer."""
 
 
-def uneven_marks(times: Array) -> str:
-    """Return what to write where pulses at some times [s] stand at two unequal distances in turn, else nothing."""
+def two_marks(times: Array) -> float:
+    """Return the shorter of two unequal distances at which pulses stand in turn, as a share of a revolution, else 0.
+
+    Parameters
+    ----------
+    times : (n,) of the pulses [s]
+    """
     periods = np.diff(times)
     if periods.size < LEAST_PERIODS:
-        return ""
+        return 0.0
     first = periods[:-1] / (periods[:-1] + periods[1:])
     shares = np.minimum(first, 1.0 - first)
     share = float(np.median(shares))
-    if share > EVEN or np.mean(np.abs(shares - share) < SAME_SHARE) < MOSTLY:
+    return 0.0 if share > EVEN or np.mean(np.abs(shares - share) < SAME_SHARE) < MOSTLY else share
+
+
+def pitches_of(share: float) -> int:
+    """Return of how many teeth a wheel is whose two neighbours stand a share of a revolution apart, 0 for of none."""
+    pitches = round(1.0 / share)
+    return pitches if abs(share - 1.0 / pitches) <= SAME_SHARE else 0
+
+
+def uneven_marks(times: Array) -> str:
+    """Return what to write where pulses (n,) [s] stand at two unequal distances in turn, empty where they do not."""
+    share = two_marks(times)
+    if not share:
         return ""
-    short, pitches = share * TURN / DEGREE, round(1.0 / share)
+    short, pitches = share * TURN / DEGREE, pitches_of(share)
     seen = f"the pulses stand {short:.0f} and {360.0 - short:.0f} deg apart in turn: two marks on one shaft"
-    if abs(share - 1.0 / pitches) > SAME_SHARE:
+    if not pitches:
         return f"{seen}, at no whole part of a revolution; take one away, or set it 60 deg after the other"
     return (
         f"{seen}; write pulses_per_rev = {pitches}, missing_teeth = {pitches - 2} under [trigger], nominal_angle_deg "
