@@ -15,7 +15,7 @@ from camtorque.config import PumpData
 from camtorque.config.recording import load_recording_config
 from camtorque.fit.known_ends import Curve
 from camtorque.fit.known_fit import FittedAt, KnownFit
-from camtorque.fit.prepare import FIT_GRID, on_grid
+from camtorque.fit.prepare import FIT_GRID, cam_deviation, on_grid
 from camtorque.fit.problem import SEPARATOR
 from camtorque.hashes import input_file, input_files
 from camtorque.ingest import read_recording
@@ -142,9 +142,11 @@ def rig_of(report: Path, pump: Path | None = None, cam: Path | None = None) -> R
 def curve_of(report: Path, speed: float) -> Curve:
     """Return the mean line pressure of a report."""
     with h5py.File(report / CYCLES) as file:
-        return Curve(
-            np.asarray(file["theta"], dtype=np.float64), np.asarray(file["mean/pressure"], dtype=np.float64), speed
-        )
+        names = ("theta", "mean/pressure", "mean/angle_deviation")
+        theta, pressure, deviation = (np.asarray(file.get(name, ()), dtype=np.float64) for name in names)
+    if deviation.size and load_recording_config(recording_of(report)).trigger.side == "motor":
+        deviation = np.zeros(0)
+    return Curve(theta, pressure, speed, deviation=deviation)
 
 
 def chain_of(rig: Rig, speed: float, curve: Curve, structure: str) -> ChainInput:
@@ -158,6 +160,7 @@ def chain_of(rig: Rig, speed: float, curve: Curve, structure: str) -> ChainInput
         trigger_angle=rig.trigger_angle, pump=rig.pump, law=spectral_law(rig.table),
         offset=rig.pump.follower_offset * rig.rotation, low_pass_order=rig.low_pass_order,
         uses_chamber=structure != "line",
+        deviation=on_grid(curve.deviation, FIT_GRID) if curve.deviation.size else curve.deviation,
     )  # fmt: skip
 
 
@@ -176,7 +179,8 @@ def load_curve(path: Path) -> tuple[str, Curve]:
     cycles = align(recording)
     if not cycles.pressure.size:
         raise Refusal(f"{path}: has no pressure channel, expected one: it is the load; name another recording")
-    return recording.config.id, Curve(cycles.theta, cycles.mean_pressure, cycles.mean_speed)
+    deviation = cam_deviation(recording.config, cycles)
+    return recording.config.id, Curve(cycles.theta, cycles.mean_pressure, cycles.mean_speed, deviation=deviation)
 
 
 def refuse_load_of_another_pump(path: Path, rigs: Sequence[Rig]) -> None:

@@ -10,13 +10,22 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 from camtorque import predict_from as predict_flow
 from camtorque.cli import build_parser
 from camtorque.commands.predict import execute
 from camtorque.config.pump import PressureCurve
-from camtorque.finished_fit import FinishedFit, load_curve, read_fit, refuse_load_of_another_pump, rig_of
+from camtorque.finished_fit import (
+    FinishedFit,
+    chain_of,
+    curve_of,
+    load_curve,
+    read_fit,
+    refuse_load_of_another_pump,
+    rig_of,
+)
 from camtorque.fit import endings as endings_module
 from camtorque.fit import forecast as forecast_module
 from camtorque.fit.arrow import ArrowCovariance
@@ -607,6 +616,27 @@ def test_the_report_of_a_load_may_be_named_by_its_result(tmp_path: Path) -> None
             105.0,
             pytest.approx(9e7, rel=1e-4),
         )
+
+
+@pytest.mark.parametrize("side", ["cam", "motor"])
+def test_a_run_under_the_load_of_a_wheel_turns_as_its_wheel_measured(tmp_path: Path, side: str) -> None:
+    """Its grid is true cam angle: a twist rebuilt on top of it put the run of a soft shaft 4.4 N m of 50 off itself."""
+    report, files = copied_report(tmp_path)
+    text = files["recording"].read_text(encoding="utf-8").replace("[trigger]", f'[trigger]\nside = "{side}"')
+    files["recording"].write_text(text, encoding="utf-8")
+    result = json.loads((report / "result.json").read_text())
+    result["inputs"][0]["sha256"] = file_digest(files["recording"])
+    (report / "result.json").write_text(json.dumps(result))
+    ahead = 0.01 * np.cos(2.0 * THETA)
+    with h5py.File(report / "cycles.h5", "w") as file:
+        file["theta"], file["mean/pressure"] = THETA, falling(1.0, 105.0).pressure
+        file["mean/angle_deviation"] = ahead
+    curve = curve_of(report, 105.0)
+    turned = chain_of(rig_of(report, None, None), 105.0, curve, "land").deviation
+    assert np.ptp(turned) == pytest.approx(0.02, rel=1e-3) if side == "cam" else turned.size == 0
+    with h5py.File(report / "cycles.h5", "a") as file:
+        del file["mean/angle_deviation"]
+    assert curve_of(report, 105.0).deviation.size == 0
 
 
 def test_another_pump_or_cam_than_the_fitted_one_is_held_against_itself(tmp_path: Path) -> None:

@@ -51,6 +51,8 @@ class Curve(ReadOnly):
     step : between the points of a file where it is loaded [rad], 0 for a recording
     points : (k,) angles of a file's points [rad], empty for a recording
     std : (n,) standard uncertainty of the pressure between the points [Pa], empty for a recording
+    deviation : (n,) cam angle less that of uniform running [rad] where a wheel on the cam measured it: ``theta`` is
+        then true cam angle; empty elsewhere
     """
 
     theta: Array
@@ -59,6 +61,7 @@ class Curve(ReadOnly):
     step: float = 0.0
     points: Array = field(default_factory=lambda: np.zeros(0))
     std: Array = field(default_factory=lambda: np.zeros(0))
+    deviation: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def fine_step(self) -> float:

@@ -115,6 +115,12 @@ def on_grid(values: Array, n: int) -> Array:
     return np.asarray(np.fft.irfft(np.fft.rfft(values)[: n // 2 + 1], n) * (n / values.size))
 
 
+def cam_deviation(config: RecordingConfig, cycles: CamCycles) -> Array:
+    """Return cam angle less that of uniform running (n_theta,) [rad]; empty where no wheel on the cam measured it."""
+    turned = cycles.details.get("angle_deviation")
+    return np.zeros(0) if turned is None or config.trigger.side == "motor" else np.asarray(turned, dtype=np.float64)
+
+
 def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, means: MeanCycles) -> FitData:
     """Return one recording ready to be fitted to the mean of its fitted cycles; its structure is still ``land``."""
     config: RecordingConfig = recording.config
@@ -125,10 +131,9 @@ def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, means: MeanCy
     rows = loaded_rows(rig_rows(config, law, torque_sheet, pressure_sheet, cycles), law, cycles, means.torque)
     step = float(np.median(np.diff(table.theta)))
     basis = lift_correction(cycles.theta, law.evaluate(cycles.theta, 0), table.resolution, law.lift_std, step)
-    turned = cycles.details.get("angle_deviation")
-    measured = turned is not None and config.trigger.side != "motor"
+    turned = cam_deviation(config, cycles)
     chain = ChainInput(
-        deviation=on_grid(np.asarray(turned), FIT_GRID) if measured else np.zeros(0),
+        deviation=on_grid(turned, FIT_GRID) if turned.size else turned,
         theta=angle_grid(FIT_GRID), speed=cycles.mean_speed, line_pressure=on_grid(means.pressure, FIT_GRID),
         shaft_torque=on_grid(means.torque, FIT_GRID), trigger_angle=config.trigger.nominal_angle, pump=config.pump,
         law=law, offset=config.pump.follower_offset * config.rotation, low_pass_order=torque_sheet.filter_order,
