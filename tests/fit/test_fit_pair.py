@@ -65,3 +65,18 @@ def test_each_recording_of_a_pair_has_the_zero_that_its_own_sheet_leaves_open() 
             side is unread for side in sides
         ]
         assert pair.own["torque_zero"] == pytest.approx(1.2, rel=0.1)
+
+
+@pytest.mark.parametrize(("side", "measured"), [("cam", True), ("motor", False)])
+def test_each_recording_of_a_pair_turns_as_its_own_wheel_measured(side: str, measured: bool) -> None:
+    """After one pulse a turn the wheel of the second was dropped, and its true cam angle twisted once more."""
+    one = quick_prepared(*KEY)
+    recording, cycles = one.recording, one.cycles
+    trigger = replace(recording.config.trigger, side=side)
+    turned = {**cycles.details, "angle_deviation": 0.01 * np.cos(2.0 * cycles.theta)}
+    wheel = replace(
+        one, recording=replace(recording, config=replace(recording.config, trigger=trigger)),
+        cycles=replace(cycles, details=turned),
+    )  # fmt: skip
+    seen = [item.chain.deviation.size > 0 for item in pair_of(one, wheel, one.candidates[0]).items]
+    assert seen == [False, measured]

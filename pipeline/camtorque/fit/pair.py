@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from camtorque.fit.minima import Candidate
-from camtorque.fit.prepare import INDEPENDENT, binned_at_centres, on_grid
+from camtorque.fit.prepare import INDEPENDENT, binned_at_centres, cam_deviation, on_grid
 from camtorque.fit.problem import FitData
 from camtorque.fit.residual import mean_square_about
 from camtorque.fit.rig_rows import zero_rows
@@ -225,11 +225,10 @@ def root_of(covariance: Array) -> Array:
 def _item(side: Prepared, data: FitData, lost: Array) -> FitData:
     cycles, torque = side.cycles, _mean_torque(side)
     n = data.chain.theta.size
-    turned = cycles.details.get("angle_deviation")  # of each recording, where a wheel on the cam measured it
-    deviation = on_grid(np.asarray(turned), n) if data.chain.deviation.size and turned is not None else np.zeros(0)
+    turned = cam_deviation(side.recording.config, cycles)
     chain = replace(
         data.chain, speed=cycles.mean_speed, line_pressure=on_grid(np.mean(cycles.pressure, axis=0), n),
-        shaft_torque=on_grid(torque, n) + lost, deviation=deviation,
+        shaft_torque=on_grid(torque, n) + lost, deviation=on_grid(turned, n) if turned.size else turned,
         trigger_angle=side.recording.config.trigger.nominal_angle,
     )  # fmt: skip
     rows = {**data.rows, **zero_rows(side.recording, cycles)}
