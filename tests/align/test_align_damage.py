@@ -424,6 +424,18 @@ def test_wheel_without_a_mark_is_refused() -> None:
         align(make(replace(WHEEL, missing_teeth=0)))
 
 
+@pytest.mark.parametrize(("keys", "match"), [
+    ({"pulses_per_rev": 58}, r"found a mark every 60 teeth \(the missing ones counted .*, expected one every 58"),
+    ({"pulses_per_rev": 36}, "write pulses_per_rev = 60 in"),
+])  # fmt: skip
+def test_a_wheel_of_another_number_of_teeth_is_refused_by_that_number(keys: dict[str, int], match: str) -> None:
+    """Of 58 for 60 the torque was said not to follow the cam: check sensor, cable and supply."""
+    recording = make(WHEEL)
+    trigger = replace(recording.config.trigger, **keys)
+    with pytest.raises(Refusal, match=match):
+        align(replace(recording, config=replace(recording.config, trigger=trigger)))
+
+
 def test_wheel_whose_mark_is_not_there_is_refused() -> None:
     with pytest.raises(Refusal, match="no mark found among 34 teeth, expected 2 missing teeth once in 60"):
         align(make(WHEEL, PULSES))

@@ -14,6 +14,7 @@ import numpy as np
 from camtorque.align.pulses import PulseTrain, clean_pulses
 from camtorque.config import TriggerSpec
 from camtorque.records import Array, Integers, Mask, Refusal
+from camtorque.signal.marks import MOSTLY
 from camtorque.signal.running import running_median
 from camtorque.signal.threshold import Count, Threshold
 from camtorque.units import counted
@@ -126,7 +127,7 @@ def from_marks(train: PulseTrain, marks: Integers, spec: TriggerSpec, where: str
 
     Raises
     ------
-    Refusal : no gap or extra tooth is there
+    Refusal : no gap or extra tooth is there, or the wheel has another number of teeth
     """
     n = spec.pulses_per_rev
     if not marks.size:
@@ -136,8 +137,23 @@ def from_marks(train: PulseTrain, marks: Integers, spec: TriggerSpec, where: str
             f"once in {n}; check pulses_per_rev, missing_teeth and double_tooth in [trigger], and sensor "
             '("inductive" for a coil)'
         )
+    _refuse_other_wheel(np.diff(train.step[marks]), spec, where)
     found = resynced(train, marks[confirmed(train.step[marks], n)], n, n - spec.missing_teeth)
     return replace(found, counts={**found.counts, "gaps": int(found.broken.sum()) - found.counts["slips"]})
+
+
+def _refuse_other_wheel(apart: Integers, spec: TriggerSpec, where: str) -> None:
+    """Refuse marks that nearly all stand another number of teeth apart, no multiple of the declared one."""
+    n = spec.pulses_per_rev
+    if apart.size < FAR_MARKS or n - spec.missing_teeth <= LEAST_PULSES:  # of two teeth a lost one makes another gap
+        return
+    usual = int(np.median(apart))
+    if usual % n and np.mean(apart == usual) > MOSTLY:
+        counted_so = "the extra ones left out" if spec.double_tooth else "the missing ones counted as if present"
+        raise Refusal(
+            f"{where}: found a mark every {usual} teeth ({counted_so}), expected one every {n} by pulses_per_rev; "
+            f"write pulses_per_rev = {usual} in [trigger]"
+        )
 
 
 def mark_misfit(train: PulseTrain, spec: TriggerSpec) -> float:
