@@ -330,6 +330,16 @@ def test_a_mark_for_missing_samples_is_named_as_that(bench: Path, quantity: str)
         check_loads(with_samples(bench, quantity, slice(5_000, 5_600), -9999.0))
 
 
+def test_a_mark_for_missing_samples_of_a_pressure_without_a_range_is_no_contact_stress(bench: Path):
+    recording = with_samples(bench, "pressure", slice(5_000, 5_600), -9999.0)
+    (pressure,) = recording.of("pressure")
+    assert pressure.calibration is not None
+    endless = replace(pressure, calibration=replace(pressure.calibration, range_max=np.inf))
+    changed = replace(recording, channels=tuple(endless if c is pressure else c for c in recording.channels))
+    with pytest.raises(Refusal, match=r"contact stress .* GPa, .*; samples of .* stand at exactly -9999"):
+        check_loads(changed)
+
+
 @pytest.mark.parametrize(("quantity", "unit", "volts"), [("torque", "N m", 1.5), ("pressure", "bar", 1.5e5)])
 def test_a_channel_that_is_scaled_already_is_told_in_its_own_unit(bench: Path, quantity: str, unit: str, volts: float):
     recording = with_samples(bench, quantity, slice(None), 1.5)

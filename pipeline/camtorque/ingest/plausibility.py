@@ -146,7 +146,7 @@ def _against_each_other(recording: Recording, table: CamTable, peaks: Mapping[st
     if not peak > 0.0:
         return []
     is_loaded = peak > LOADED
-    findings = _contact(pump, pump.plunger_area * peak, where) if is_loaded else [*weak_pressure(pump, peak, where)]
+    findings = _contact(recording, peak, where) if is_loaded else [*weak_pressure(pump, peak, where)]
     measured = peaks.get("torque", math.nan)
     if math.isnan(measured):
         return findings
@@ -206,18 +206,23 @@ def _implied(pump: PumpData, slope: float, ratio: float) -> str:
     )
 
 
-def _contact(pump: PumpData, force: float, where: str) -> list[Finding]:
-    """Judge the line contact of roller and base circle under the plunger's force (Hertz; both convex)."""
+def _contact(recording: Recording, pressure: float, where: str) -> list[Finding]:
+    """Judge the line contact of roller and base circle under a pressure on the plunger (Hertz; both convex)."""
+    pump = recording.config.pump
+    force = pump.plunger_area * pressure
     shares = (1.0 - pump.poisson_ratio**2) * (1.0 / pump.youngs_modulus_cam + 1.0 / pump.youngs_modulus_roller)
     curvature = 1.0 / pump.base_circle_radius + 1.0 / pump.roller_radius
     stress = math.sqrt(force * curvature / (math.pi * pump.roller_width * shares))
+    if stress <= HERTZ_USUAL:
+        return []
+    sizes = "check roller_width_m, roller_radius_m, plunger_diameter_m, youngs_modulus_*_Pa"
     text = (
-        f"the contact stress at the largest pressure is {1e-9 * stress:.3g} GPa, rolling steel has {HERTZ_SEEN}; check "
-        "roller_width_m, roller_radius_m, plunger_diameter_m, youngs_modulus_*_Pa"
+        f"the contact stress at the largest pressure is {1e-9 * stress:.3g} GPa, rolling steel has {HERTZ_SEEN}; "
+        f"{marked_missing(recording) or sizes}"
     )
     if stress > HERTZ_POSSIBLE:
         raise Refusal(f"{where}: {text}")
-    return [Finding("contact_stress_unusual", "warning", text, where)] if stress > HERTZ_USUAL else []
+    return [Finding("contact_stress_unusual", "warning", text, where)]
 
 
 def _steepest(table: CamTable) -> tuple[float, float]:
