@@ -1,6 +1,7 @@
 """What a look at the samples finds, and what it must not find."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -183,6 +184,16 @@ def test_missing_pulses_are_no_other_speed(tmp_path: Path):
     codes = {finding.code for finding in summary.findings}
     assert "speed_off_nominal" not in codes
     assert "pulses_irregular" in codes
+
+
+@pytest.mark.parametrize("jump", [3600.0, -1.0])
+def test_a_clock_that_jumps_is_no_other_speed_of_a_wheel(tmp_path: Path, jump: float):
+    folder = write_folder(tmp_path / "r", [LOG], Plan("hdf5"))
+    config = read_recording(folder).config
+    wheel = replace(config, trigger=replace(config.trigger, pulses_per_rev=36, missing_teeth=1))
+    teeth = np.delete(np.arange(20 * 36), np.arange(35, 20 * 36, 36)) * 0.1 / 36
+    teeth[300:] += jump
+    assert check._speed(teeth, wheel) == pytest.approx(20.0 * np.pi, rel=2e-3)
 
 
 @pytest.mark.parametrize(("share", "count", "expected"), [(0.004, 10, False), (0.05, 10, True), (0.05, 3, False)])

@@ -229,8 +229,11 @@ def _speed(times: Array, config: RecordingConfig) -> float:
     if times.size < 2:
         return float("nan")
     periods = np.diff(times)
-    if config.trigger.pulses_per_rev == 1:
-        periods = periods[np.abs(periods / np.median(periods) - 1.0) <= PERIOD_TOLERANCE]
+    ratio, trigger = periods / np.median(periods), config.trigger
+    if trigger.pulses_per_rev == 1:
+        periods = periods[np.abs(ratio - 1.0) <= PERIOD_TOLERANCE]
+    else:  # a clock that jumps by an hour is no hour of running
+        periods = periods[(ratio > 0.0) & (ratio < trigger.pulses_per_rev)]
     return float(2.0 * np.pi / np.mean(periods) / _expected(config)) if periods.size else float("nan")
 
 
