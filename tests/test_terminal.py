@@ -99,6 +99,7 @@ def test_values_far_from_expected_are_counted_beyond_the_first() -> None:
     assert sum("value" in line for line in lines) == 4
     assert "warning   2 more values far from what was expected, see the page" in lines
     assert finding_lines([cause])[0] in lines
+    assert "warning   1 more value far from what was expected, see the page" in loud_findings(rows[:4])
 
 
 class Stop(Exception):

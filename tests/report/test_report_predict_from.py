@@ -519,6 +519,8 @@ def test_of_a_recording_that_a_joint_fit_leaves_unexplained_nothing_is_taken(tmp
     np.testing.assert_allclose(np.sqrt(np.diag(fit.matrix)), [1e4, 1e-9, 0.1, 0.3])
     said = assumptions(fit, fit.recordings[0], "that of A", "", None)
     assert "Nothing is taken from B: the fit does not explain it." in said
+    several = assumptions(replace(fit, unexplained=("B", "D")), fit.recordings[0], "that of A", "", None)
+    assert "Nothing is taken from B, D: the fit does not explain them." in several
 
 
 def test_a_fit_of_another_version_is_refused(tmp_path: Path) -> None:

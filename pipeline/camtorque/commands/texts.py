@@ -18,6 +18,7 @@ from camtorque.report.verdict import (
     unexplained,
     unusual_values,
 )
+from camtorque.units import counted
 
 PULLED, MOST_PULLED = "prior_pulled", 3
 """Finding of a value far from what was expected: a run that fails has many, for one cause that is another."""
@@ -123,8 +124,9 @@ def loud_findings(findings: Sequence[Mapping[str, Any]]) -> list[str]:
     pulled = [row for row in loud if row.get("code") == PULLED]
     many = pulled[MOST_PULLED:]
     loud = [row for row in loud if row not in many]
-    tail = [f"info      {notes} {'note' if notes == 1 else 'notes'} on the page"] if notes else []
-    more = [f"warning   {len(many)} more values far from what was expected, see the page"] if many else []
+    tail = [f"info      {counted(notes, 'note', 'notes')} on the page"] if notes else []
+    values = counted(len(many), "more value", "more values")
+    more = [f"warning   {values} far from what was expected, see the page"] if many else []
     return [*finding_lines(loud), *more, *tail]
 
 

@@ -265,7 +265,8 @@ def assumptions(known: KnownFit, source: FittedAt, load: str, clearance: str, ot
         largest = float(np.max(np.abs(known.lift.values)))
         texts.append(f"The lift table is corrected by up to {1e6 * largest:.1g} µm, as all fitted recordings ask for.")
     if known.unexplained:
-        texts.append(f"Nothing is taken from {', '.join(known.unexplained)}: the fit does not explain it.")
+        them = "it" if len(known.unexplained) == 1 else "them"
+        texts.append(f"Nothing is taken from {', '.join(known.unexplained)}: the fit does not explain {them}.")
     if other is not None:
         texts.append(f"Pump or cam of {other.name}; losses and chamber are those of the fitted pump.")
     return tuple(texts)
