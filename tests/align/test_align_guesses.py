@@ -285,13 +285,22 @@ def test_a_counter_of_sixteen_bits_starts_again_within_a_turn(first: int) -> Non
 
 
 @pytest.mark.parametrize(("factor", "text"), [
-    (np.pi / 180.0, r"after 0\.0174. turns, expected whole ones; in rad it is 1 turn: write unit = \"rad\""),
-    (180.0 / np.pi, r"after 57\.\d+ turns, expected whole ones; in deg it is 1 turn: write unit = \"deg\""),
+    (np.pi / 180.0, r"after 0\.017\d turns, expected whole ones; check its unit: in rad it is 1 turn"),
+    (180.0 / np.pi, r"after 57\.\d turns, expected whole ones; check its unit: in deg it is 1 turn"),
 ])  # fmt: skip
 def test_an_angle_in_the_other_unit_is_refused_by_its_turns(factor: float, text: str) -> None:
     angle = factor * (TWO_PI * 20.0 * np.arange(60_000) / 2e4 % TWO_PI)
     channel = Channel("angle", "DAQ", Samples(angle), 0.0, 2e4, None, Path("log.csv"), "angle")
     with pytest.raises(Refusal, match=text):
+        counter_train(channel, 1)
+
+
+@pytest.mark.parametrize(("turns", "seen"), [(180.0 / np.pi, "57.3"), (np.pi / 180.0, "0.0175"), (2.78, "2.78")])
+def test_an_angle_that_starts_again_after_no_whole_turns_is_refused(turns: float, seen: str) -> None:
+    """It was taken for whole turns: the torque then did not follow the cam, check sensor, cable and supply."""
+    angle = 0.3 * turns * np.arange(4001) / 100.0 % turns * TWO_PI
+    channel = Channel("angle", "DAQ", Samples(angle), 0.0, 1e3, None, Path("log.csv"), "angle")
+    with pytest.raises(Refusal, match=f"starts again after {seen} turns, expected whole ones; check its unit"):
         counter_train(channel, 1)
 
 

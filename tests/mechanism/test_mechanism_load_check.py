@@ -90,7 +90,10 @@ def test_without_torque_nothing_is_said(aligned):
 def test_a_pressure_that_the_plunger_does_not_make_is_refused(aligned, part: float):
     recording, cycles = aligned
     shifted = replace(cycles, pressure=np.roll(cycles.pressure, round(part * cycles.theta.size), axis=1))
-    with pytest.raises(Refusal, match=r"not while the plunger delivers.*check that both logs are of one run"):
+    with pytest.raises(
+        Refusal,
+        match=r"not while the plunger delivers.*check that both logs are of one run.* nominal_angle_deg in \[tr",
+    ):
         told(recording, shifted)
 
 

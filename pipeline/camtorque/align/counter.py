@@ -46,6 +46,11 @@ BACKWARDS = Threshold(
     "Part of the changes that may run against the others: noise of an analogue angle, not a shaft that swings."
 )  # fmt: skip
 
+NOT_WHOLE = Threshold(
+    0.15, "turns", "convention",
+    "So far from whole turns an angle does not start again for a gain that is off: it is in another unit."
+)  # fmt: skip
+
 
 def counter_train(channel: Channel, revolutions_per_cycle: int) -> TriggerTrain:
     """Return pulses at whole steps of a recorded angle [rad]; step zero is where it is zero.
@@ -141,7 +146,7 @@ def _unwrapped(raw: Array, quantum: float, where: str) -> tuple[Array, float]:
 
     Raises
     ------
-    Refusal : it starts again after whole turns of another unit
+    Refusal : it starts again after neither
     """
     step, reach = np.diff(raw), float(np.ptp(raw))
     wraps = np.where(np.abs(step) > 0.5 * reach, -np.sign(step), 0.0)
@@ -150,23 +155,24 @@ def _unwrapped(raw: Array, quantum: float, where: str) -> tuple[Array, float]:
     whole, overflow = TURN * max(1.0, np.round(reach / TURN)), 0.0
     # neither end of the range need be sampled: it is longer than what is seen by a step at most
     longest = float(np.max(np.abs(step[wraps == 0.0]))) + quantum
-    if abs(whole - reach) > longest:
-        _refuse_other_unit(reach, longest, where)
-        bits = quantum * 2.0 ** np.round(np.log2(reach / quantum + 1.0)) if quantum else 0.0
-        if 0.0 < bits - reach <= longest:
-            whole = overflow = float(bits)
+    bits = quantum * 2.0 ** np.round(np.log2(reach / quantum + 1.0)) if quantum else 0.0
+    if abs(whole - reach) > longest and 0.0 < bits - reach <= longest:
+        whole = overflow = float(bits)
+    if abs(whole - reach) > max(longest, NOT_WHOLE * TURN):
+        raise Refusal(
+            f"{where}: the angle starts again after {reach / TURN:.3g} turns, expected whole ones; check its unit"
+            f"{_in_other_unit(reach, longest)}"
+        )
     return raw + whole * np.r_[0.0, np.cumsum(wraps)], overflow
 
 
-def _refuse_other_unit(reach: float, longest: float, where: str) -> None:
-    """Refuse an angle in degrees that is said to be in radians, or vice versa, by where it starts again."""
+def _in_other_unit(reach: float, longest: float) -> str:
+    """Return after how many turns of the other unit an angle starts again, nothing where these are none."""
     for factor, unit in ((DEGREE, "rad"), (1.0 / DEGREE, "deg")):
         for turns in (1, 2):
             if abs(turns * TURN - reach / factor) <= longest / factor:
-                raise Refusal(
-                    f"{where}: the recorded angle starts again after {reach / TURN:.4g} turns, expected whole ones; in "
-                    f'{unit} it is {counted(turns, "turn", "turns")}: write unit = "{unit}"'
-                )
+                return f": in {unit} it is {counted(turns, 'turn', 'turns')}"
+    return ""
 
 
 def _line_times(time: Array, angle: Array, wanted: Array, coarse: Array, pitch: float) -> tuple[Array, float]:

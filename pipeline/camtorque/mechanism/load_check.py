@@ -167,7 +167,10 @@ def _misplaced_findings(cycles: CamCycles, rigid: RigidTorque, pump: PumpData) -
     if not said:
         return ()
     text = f"the line pressure swings by {np.ptp(pressure) / BAR:.0f} bar, but not while the plunger delivers: {said}"
-    checks = "check that both logs are of one run, the clocks of their loggers, and the lift table"
+    checks = (
+        "check that both logs are of one run, the clocks of their loggers, nominal_angle_deg in [trigger], and the "
+        "lift table"
+    )
     if np.min(pressure) < HELD * np.max(pressure):
         raise Refusal(f"{text}; {checks}")
     return (Finding("pressure_misplaced", "warning", f"{text}; a rail may ring so, else {checks}", "pressure"),)
