@@ -96,6 +96,15 @@ def test_like_another_recording_nothing_is_left_to_ask(tmp_path: Path, capsys: p
                           read_recording(EXAMPLES / "A_1250rpm").of("torque")[0].read_volts(0, 100))  # fmt: skip
 
 
+def test_like_a_recording_that_still_asks_all_of_it_is_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """Its unknown lift table became a path of that name, ../first/?, and was asked for no more."""
+    assert cli.main(["new", str(fresh_log(tmp_path / "first"))]) == 0
+    log = fresh_log(tmp_path / "second")
+    capsys.readouterr()
+    assert cli.main(["new", str(log), "--like", str(tmp_path / "first"), "--json"]) == 0
+    assert sorted(json.loads(capsys.readouterr().out)["unknown"]) == sorted(ANSWERS)
+
+
 def test_values_that_are_asked_for_twice_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     log = shutil.copy(EXAMPLES / "A_1250rpm" / "A_1250rpm_all.csv", tmp_path)
     assert cli.main(["new", str(log)]) == 0
@@ -199,6 +208,7 @@ def test_two_loggers_are_asked_for_their_clocks(tmp_path: Path, capsys: pytest.C
     assert cli.main(["new", *map(str, logs), "--like", str(EXAMPLES / "A_1000rpm"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["unknown"] == ["clock", "clock"]
     toml = tmp_path / "recording.toml"
+    assert "independent: own clock\n" in toml.read_text()
     toml.write_text(toml.read_text().replace('clock = "?"', 'clock = "independent"'))
     assert cli.main(["check", str(tmp_path), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["usable"] == ["align", "run"]

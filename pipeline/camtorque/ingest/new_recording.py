@@ -175,8 +175,10 @@ class Writer:
 
 
 def _meaning(key: Key) -> str:
-    allowed = f"; {key.band}" if key.band is not None else f"; {', '.join(key.choices)}" if key.choices else ""
-    return key.meaning + allowed
+    if key.band is not None:
+        return f"{key.meaning}; {key.band}"
+    unsaid = [word for word in key.choices if f"{word}:" not in key.meaning]
+    return f"{key.meaning}; {', '.join(key.choices)}" if unsaid else key.meaning
 
 
 def _left_out(key: Key) -> str:
@@ -218,7 +220,7 @@ def _known_of(like: Path | None, folder: Path) -> dict[str, dict[str, Any]]:
         tables["recording"] |= {"pump_id": name} if name != "" else {}
     for table in (tables["pump"], *tables["sensors"].values()):
         for name in PATHS:
-            if isinstance(table.get(name), str):
+            if isinstance(table.get(name), str) and table[name] != UNKNOWN:
                 table[name] = _relative(file.parent / table[name], folder)
     # readings at standstill belong to the other run
     for table in tables["sensors"].values():
