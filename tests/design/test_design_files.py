@@ -255,7 +255,10 @@ def test_pump_with_a_lift_table_says_which_lobe_is_wanted(tmp_path):
     head, tail = PAPER.read_text(encoding="utf-8").split("[cam]")
     pump = tmp_path / "table_pump.toml"
     pump.write_text(head + 'cam_table = "cam.csv"\n[mounting]' + tail.split("[mounting]")[1], encoding="utf-8")
-    with pytest.raises(Refusal, match=r"lift_mm: this key is missing, and the pump file does not give rise, dwell"):
+    with pytest.raises(
+        Refusal,
+        match=r"lift_mm: this key is missing, and the pump file does not give rise, dwell.*; give lift_mm, .*deg",
+    ):
         task_of(tmp_path, pump=pump, free=FREE, aims=AIMS)
     lift = '[lift]\nlaw = "modified_sine"\nlift_mm = 8\ntop_dwell_deg = 20\nreturn_deg = 55\n'
     task = task_of(tmp_path, pump=pump, lift=lift, free=FREE, aims='hertz_gpa = "least"', more=FEW)

@@ -165,14 +165,13 @@ def _lobe_values(config: PumpConfig, lift: Table, shape: Mapping[str, Any], free
         rise, top, fall, _ = config.sections
         parts = (rise.rise / MILLIMETRE, rise.angle / DEGREE, top.angle / DEGREE, fall.angle / DEGREE)
         values |= dict(zip(LOBE, parts, strict=True))
-    for name in LOBE:
-        if shape[name] is not None:
-            values[name] = shape[name] / QUANTITIES[name].factor
-        elif name not in values and not free.has(name):
-            raise Refusal(
-                f"{lift.where(name)}: this key is missing, and the pump file does not give rise, dwell, return and "
-                "dwell as sections; give it here, or its bounds in [free]"
-            )
+    values |= {name: shape[name] / QUANTITIES[name].factor for name in LOBE if shape[name] is not None}
+    missing = [name for name in LOBE if name not in values and not free.has(name)]
+    if missing:
+        raise Refusal(
+            f"{lift.where(missing[0])}: this key is missing, and the pump file does not give rise, dwell, return and "
+            f"dwell as sections; give {', '.join(missing)} here, or bounds in [free]"
+        )
     return values
 
 
