@@ -176,7 +176,7 @@ def structures_of(recording: Recording) -> tuple[str, ...]:
     return ("line",) if recording.config.measures_chamber else tuple(STRUCTURES)
 
 
-def search_minima(halves: Halves, structures: tuple[str, ...]) -> tuple[list[Candidate], Valley]:
+def search_minima(halves: Halves, structures: tuple[str, ...] = tuple(STRUCTURES)) -> tuple[list[Candidate], Valley]:
     """Return all minima that a search ends at, the best one first, and the valley of that."""
     minima = every_structure(search(halves, structures), halves)
     minima = turned_round(with_lost_torque(minima, halves), halves)
@@ -203,7 +203,7 @@ def with_oil_at_rest(minima: list[Candidate], valley: Valley, halves: Halves) ->
     data = halves.fitted
     upper = data.rows["line_inertance"].upper
     resting = replace(halves, fitted=with_rows(data, {"line_inertance": {"upper": AT_REST}}))
-    still = search_minima(resting, tuple(STRUCTURES))[0][0]
+    still = search_minima(resting)[0][0]
     freed = halves.minimum(at_minimum, with_rows(still.data, {"line_inertance": {"upper": upper}}))
     if freed is None or freed.value > minima[0].value:
         return minima, valley
