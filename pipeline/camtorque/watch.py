@@ -22,6 +22,7 @@ from camtorque.ingest import read_recording
 from camtorque.mechanism.load_check import on_base
 from camtorque.process.threads import on_one_thread
 from camtorque.records import CamCycles, CutFlowRow, Recording, Refusal
+from camtorque.results import CAMPAIGN, NAME
 from camtorque.units import DEGREE, RPM
 
 LOOK_SHARE = 0.25
@@ -220,11 +221,17 @@ def watch(
 
     Raises
     ------
-    Refusal : there is no such folder, or its recording.toml cannot be used
+    Refusal : there is no such folder, it is a report, or its recording.toml cannot be used
     """
     options = options or WatchOptions()
     if not folder.is_dir():
         raise Refusal(f"{folder}: found no such folder, expected one to watch; check the path")
+    report = next((name for name in (NAME, CAMPAIGN) if (folder / name).is_file()), "")
+    if report:
+        raise Refusal(
+            f"{folder}: found {report}, a finished report, expected a recording that grows or the folder in which "
+            "recordings appear; name that"
+        )
     looks = _growing(folder, options) if (folder / RECORDING_FILE).is_file() else _appearing(folder, options)
     end = clock() + options.seconds
     said: Waiting | None = None

@@ -168,6 +168,13 @@ def test_finished_recordings_are_told_once_they_do_not_grow(bench: Path, capsys:
     assert "is not valid TOML" in by_name["B"]["reason"]
 
 
+@pytest.mark.parametrize("name", ["result.json", "campaign.json"])
+def test_a_report_is_nothing_to_watch(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text("{}", encoding="utf-8")
+    with pytest.raises(Refusal, match=rf"found {name}, a finished report, expected a recording that grows"):
+        next(watch(tmp_path))
+
+
 def test_a_folder_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(Refusal, match="found no such folder, expected one to watch"):
         next(watch(tmp_path / "x"))
