@@ -140,7 +140,8 @@ def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, means: MeanCy
         ripple_order=repeated_order(on_grid(means.torque, FIT_GRID), law.evaluate(angle_grid(FIT_GRID), 0)),
     )  # fmt: skip
     centred = binned_at_centres(means.torque)
-    return FitData(config.id, chain, centred, bin_weights(centred, means.scatter_of_mean), "land", rows, basis)
+    weight = bin_weights(centred, means.scatter_of_mean)
+    return FitData(config.id, chain, centred, weight, "land", rows, basis, config.measures_chamber)
 
 
 def other_half(data: FitData, means: MeanCycles) -> FitData:
