@@ -30,7 +30,10 @@ def sits(recording: Recording, location: str) -> Recording:
 @pytest.mark.parametrize(("location", "inside"), [
     ("drilling into the plunger chamber", True), ("at the plunger chamber (before the delivery valve)", True),
     ("Chamber", True), ("high-pressure line, pump end", False), ("line, 0.1 m from the chamber", False),
-    ("spring chamber of the delivery valve", False), ("pump head", False), ("", False),
+    ("spring chamber of the delivery valve", False), ("delivery valve chamber", False), ("feed chamber", False),
+    ("injection chamber of the rate meter", False), ("outlet of the chamber", False), ("pumping chamber", True),
+    ("2 m downstream of the chamber", False), ("low-pressure chamber", False), ("high-pressure chamber", True),
+    ("pump head", False), ("", False),
 ])  # fmt: skip
 def test_a_location_that_names_the_chamber_is_in_it(location: str, inside: bool):
     recording, cycles, _ = bridged(RUN)
