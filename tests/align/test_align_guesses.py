@@ -232,6 +232,7 @@ def two_marks(apart_deg: float, turns: int = 40) -> np.ndarray:
     (60.0, "60 and 300 deg apart in turn: .* write pulses_per_rev = 6, missing_teeth = 4 under"),
     (300.0, "write pulses_per_rev = 6, missing_teeth = 4 under"), (90.0, "pulses_per_rev = 4, missing_teeth = 2"),
     (145.0, None), (137.0, "at no whole part of a revolution; take one away"), (180.0, None),
+    (54.0, "54 and 306 .*, at no whole part"), (46.0, "pulses_per_rev = 8,"), (4.0, "too near each other to tell"),
 ])  # fmt: skip
 def test_two_uneven_marks_are_told_with_the_keys_that_describe_them(apart: float, keys: str | None) -> None:
     times = two_marks(apart)
