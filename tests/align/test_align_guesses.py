@@ -305,6 +305,16 @@ def test_an_angle_that_starts_again_after_no_whole_turns_is_refused(turns: float
         counter_train(channel, 1)
 
 
+def test_a_counter_that_is_set_to_zero_while_it_turns_is_refused() -> None:
+    angle = TWO_PI * 0.1 * np.arange(4000.0)
+    angle[3004:] -= angle[3004]
+    channel = Channel("angle", "DAQ", Samples(angle), 0.0, 1e3, None, Path("log.csv"), "angle")
+    with pytest.raises(
+        Refusal, match=r"starts again after 300\.3 turns, expected whole ones; .* was set to zero while"
+    ):
+        counter_train(channel, 1)
+
+
 def test_a_counter_states_its_counts_a_revolution() -> None:
     assert unit_factor("rev/1024", "angle", "") == pytest.approx(TWO_PI / 1024)
     with pytest.raises(Refusal, match=r"unknown unit 'counts'.*rev/1024 for a counter"):
