@@ -144,8 +144,8 @@ def curve_of(report: Path, speed: float) -> Curve:
     with h5py.File(report / CYCLES) as file:
         names = ("theta", "mean/pressure", "mean/angle_deviation")
         theta, pressure, deviation = (np.asarray(file.get(name, ()), dtype=np.float64) for name in names)
-    if deviation.size and load_recording_config(recording_of(report)).trigger.side == "motor":
-        deviation = np.zeros(0)
+    if deviation.size:
+        deviation = cam_deviation(load_recording_config(recording_of(report)), deviation)
     return Curve(theta, pressure, speed, deviation=deviation)
 
 
@@ -179,7 +179,7 @@ def load_curve(path: Path) -> tuple[str, Curve]:
     cycles = align(recording)
     if not cycles.pressure.size:
         raise Refusal(f"{path}: has no pressure channel, expected one: it is the load; name another recording")
-    deviation = cam_deviation(recording.config, cycles)
+    deviation = cam_deviation(recording.config, cycles.details.get("angle_deviation"))
     return recording.config.id, Curve(cycles.theta, cycles.mean_pressure, cycles.mean_speed, deviation=deviation)
 
 
