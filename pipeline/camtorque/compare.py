@@ -26,7 +26,7 @@ from camtorque.fit.verdicts import (
     whole_verdict,
 )
 from camtorque.ingest import read_recording, summarise
-from camtorque.ingest.stated import DIMENSIONS, MOST_NAMED, differences, stated
+from camtorque.ingest.stated import DIMENSIONS, MOST_NAMED, PLACE, differences, stated
 from camtorque.jsonable import now
 from camtorque.process.threads import on_one_thread
 from camtorque.progress import Progress, silent
@@ -154,6 +154,11 @@ def _refuse_other_pump(before: Prepared, after: Prepared) -> None:
                 f"compare: {name} is {found[name]}, expected one pump; compare recordings of the same pump, or correct "
                 "the wrong number"
             )
+    if PLACE in found:
+        raise Refusal(
+            f"compare: {PLACE} is {found[PLACE]} by its location, expected one place: a line's pressure is not that on "
+            "the plunger; compare recordings whose sensor sits alike, or correct location in [sensors.pressure]"
+        )
 
 
 def _refuse_other_speed(before: Prepared, after: Prepared) -> None:

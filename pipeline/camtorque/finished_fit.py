@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 from camtorque.align import align
-from camtorque.config import PumpData
+from camtorque.config import PumpData, RecordingConfig
 from camtorque.config.recording import load_recording_config
 from camtorque.fit.known_ends import Curve
 from camtorque.fit.known_fit import FittedAt, KnownFit
@@ -144,8 +144,8 @@ def curve_of(report: Path, speed: float) -> Curve:
     with h5py.File(report / CYCLES) as file:
         names = ("theta", "mean/pressure", "mean/angle_deviation")
         theta, pressure, deviation = (np.asarray(file.get(name, ()), dtype=np.float64) for name in names)
-    if deviation.size and load_recording_config(recording_of(report)).trigger.side == "motor":
-        deviation = np.zeros(0)
+    if deviation.size:
+        deviation = cam_deviation(load_recording_config(recording_of(report)), deviation)
     return Curve(theta, pressure, speed, deviation=deviation)
 
 
@@ -179,8 +179,26 @@ def load_curve(path: Path) -> tuple[str, Curve]:
     cycles = align(recording)
     if not cycles.pressure.size:
         raise Refusal(f"{path}: has no pressure channel, expected one: it is the load; name another recording")
-    deviation = cam_deviation(recording.config, cycles)
+    deviation = cam_deviation(recording.config, cycles.details.get("angle_deviation"))
     return recording.config.id, Curve(cycles.theta, cycles.mean_pressure, cycles.mean_speed, deviation=deviation)
+
+
+def _config_of_load(path: Path) -> RecordingConfig:
+    report = report_named(path)
+    return load_recording_config(path if report is None else recording_of(report))
+
+
+def refuse_load_of_another_place(path: Path, reports: Iterable[Path]) -> None:
+    """Refuse a load measured in the chamber where fitted recordings measured that of a line, and the other way."""
+    inside = _config_of_load(path).measures_chamber
+    for report in reports:
+        if load_recording_config(recording_of(report)).measures_chamber != inside:
+            found, wanted = ("chamber", "line") if inside else ("line", "chamber")
+            raise Refusal(
+                f"--load-of {path}: found a pressure of the {found}, by the location of its sensor, expected one of "
+                f"the {wanted} as in {report}; name a recording whose sensor sits there, or correct location in "
+                "[sensors.pressure]"
+            )
 
 
 def refuse_load_of_another_pump(path: Path, rigs: Sequence[Rig]) -> None:
@@ -188,8 +206,7 @@ def refuse_load_of_another_pump(path: Path, rigs: Sequence[Rig]) -> None:
 
     A recording without [pump] does not tell whose load it is.
     """
-    report = report_named(path)
-    config = load_recording_config(path if report is None else recording_of(report))
+    report, config = report_named(path), _config_of_load(path)
     if config.pump_sheet is None:
         return
     if report is not None:

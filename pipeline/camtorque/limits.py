@@ -36,6 +36,8 @@ FITTED = (
     "measured.delivered_volume.difference",
 )
 """Numbers of the fitted model, of which nothing is known where it does not explain the recording."""
+NO_NUMBER = "the result holds no number of that name"
+NOT_REBUILT = f"{NO_NUMBER}: the pressure on the plunger is the measured one, recording.line_pressure_peak_bar"
 NUMBER = Band(-1e15, 1e15, "any number that a report holds")
 UNIT_OF_ENDING = {
     "_nm": "N m", "_bar": "bar", "_deg": "deg", "_s": "s", "_percent": "%", "_rpm": "rpm", "_n": "N", "_gpa": "GPa",
@@ -137,7 +139,8 @@ def _judged(document: Mapping[str, Any], limit: Limit) -> Verdict:
         group = group.get(name) if isinstance(group, Mapping) else None
     value = group.get(last) if isinstance(group, Mapping) else None
     if isinstance(value, bool) or not isinstance(value, int | float):
-        return Verdict(limit, None, None, CANNOT_TELL, "the result holds no number of that name")
+        measured = above[:1] == ["chamber"] and "chamber" in document and document["chamber"] is None
+        return Verdict(limit, None, None, CANNOT_TELL, NOT_REBUILT if measured else NO_NUMBER)
     unit = _unit_of_name([last]) or group.get("unit") or _unit_of_name(list(reversed(above)))
     if limit.unit and plain_unit(limit.unit) != plain_unit(unit):
         told = f"in {unit}" if unit else "without a unit"

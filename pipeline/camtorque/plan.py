@@ -147,6 +147,11 @@ def _target(known: KnownFit, folder: Path, reports: Mapping[str, Path], wanted: 
     unit, per = shown_in(name)
     item = _fastest(known)
     if name == CHAMBER_PEAK:
+        if item.structure == "line":
+            raise Refusal(
+                f"plan: found --target {name}, but the pressure on the plunger of {item.id} is the measured one, "
+                "expected one that the fit rebuilds; its sensor's sheet says how well it is known: name a parameter"
+            )
         rig, curve = rig_of(reports[item.id]), curve_of(reports[item.id], item.speed)
         chain = chain_of(rig, item.speed, curve, item.structure)
         value, gradient = chamber_peak(known, chain, item)

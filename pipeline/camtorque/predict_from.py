@@ -15,7 +15,16 @@ from typing import Any
 import numpy as np
 
 from camtorque.design.loads import FRICTION_NAMES
-from camtorque.finished_fit import Rig, chain_of, curve_of, load_curve, read_fit, refuse_load_of_another_pump, rig_of
+from camtorque.finished_fit import (
+    Rig,
+    chain_of,
+    curve_of,
+    load_curve,
+    read_fit,
+    refuse_load_of_another_place,
+    refuse_load_of_another_pump,
+    rig_of,
+)
 from camtorque.fit.endings import either, endings_of, if_it_ended_so, load_for, own_ending, the_other
 from camtorque.fit.forecast import Forecast, forecast, leakage_factor, refuse_leaky
 from camtorque.fit.known_ends import END_OF, Curve
@@ -116,6 +125,8 @@ def predict_from(
     if load_of is not None:
         nearest = reports[known.nearest(speeds_rpm[0] * RPM).id]
         refuse_load_of_another_pump(Path(load_of), [rig_of(nearest), rig_of(nearest, pump, cam)])
+        sources = {item.id for value in speeds_rpm for item in endings_of(known, value * RPM, asked.ending)}
+        refuse_load_of_another_place(Path(load_of), [reports[item] for item in sorted(sources)])
     if pressure is not None and asked.given is not None:
         refuse_other_load(asked.given, templates.values(), str(pressure))
     runs = [_at_speed(known, reports, templates, value * RPM, asked) for value in speeds_rpm]

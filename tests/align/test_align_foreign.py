@@ -276,3 +276,12 @@ def test_every_turn_of_two_teeth_is_counted(n: int, lost: bool) -> None:
     np.testing.assert_array_equal(train.step - train.step[0], step[1:] - step[1])
     assert set(train.step % n) == {0, 1}
     assert train.counts["slips"] == train.counts["doubled"] == 0
+
+
+@pytest.mark.parametrize(("apart", "n"), [(60, 4), (90, 6), (60, 3)])
+def test_two_teeth_elsewhere_than_declared_are_refused(apart: int, n: int) -> None:
+    """At 60 degrees and declared at 90 they were counted, the second one 30 degrees off, without a word."""
+    time = 0.05 * np.sort(np.r_[np.arange(30.0), np.arange(30.0) + apart / 360.0])
+    text = f"two teeth {360 // n} deg apart .*, but the pulses stand {apart} and .* pulses_per_rev = {360 // apart},"
+    with pytest.raises(Refusal, match=text):
+        number_teeth(time, TriggerSpec(0.0, 0.1, pulses_per_rev=n, missing_teeth=n - 2), "log", None)

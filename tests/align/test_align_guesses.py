@@ -232,6 +232,7 @@ def two_marks(apart_deg: float, turns: int = 40) -> np.ndarray:
     (60.0, "60 and 300 deg apart in turn: .* write pulses_per_rev = 6, missing_teeth = 4 under"),
     (300.0, "write pulses_per_rev = 6, missing_teeth = 4 under"), (90.0, "pulses_per_rev = 4, missing_teeth = 2"),
     (145.0, None), (137.0, "at no whole part of a revolution; take one away"), (180.0, None),
+    (54.0, "54 and 306 .*, at no whole part"), (46.0, "pulses_per_rev = 8,"), (4.0, "too near each other to tell"),
 ])  # fmt: skip
 def test_two_uneven_marks_are_told_with_the_keys_that_describe_them(apart: float, keys: str | None) -> None:
     times = two_marks(apart)
@@ -301,6 +302,16 @@ def test_an_angle_that_starts_again_after_no_whole_turns_is_refused(turns: float
     angle = 0.3 * turns * np.arange(4001) / 100.0 % turns * TWO_PI
     channel = Channel("angle", "DAQ", Samples(angle), 0.0, 1e3, None, Path("log.csv"), "angle")
     with pytest.raises(Refusal, match=f"starts again after {seen} turns, expected whole ones; check its unit"):
+        counter_train(channel, 1)
+
+
+def test_a_counter_that_is_set_to_zero_while_it_turns_is_refused() -> None:
+    angle = TWO_PI * 0.1 * np.arange(4000.0)
+    angle[3004:] -= angle[3004]
+    channel = Channel("angle", "DAQ", Samples(angle), 0.0, 1e3, None, Path("log.csv"), "angle")
+    with pytest.raises(
+        Refusal, match=r"starts again after 300\.3 turns, expected whole ones; .* was set to zero while"
+    ):
         counter_train(channel, 1)
 
 

@@ -50,6 +50,7 @@ def judged(**changes: object) -> tuple[str, str]:
         ({"max": 1.0, "unit": "mm3/s/bar"}, "pass", ""),
         ({"max": 1.0, "unit": "l/h"}, "cannot tell", "the band is in l/h, the result in mm^3/s/bar"),
         ({"quantity": "chamber.peak_bar.value", "max": 1.0}, "cannot tell", "no number of that name"),
+        ({"quantity": "chamber.peak_bar.value", "max": 1.0}, "cannot tell", "one, recording.line_pressure_peak_bar"),
         ({"quantity": "forces.contact_lost", "max": 1.0}, "cannot tell", "no number of that name"),
         ({"quantity": "metrics.fitted.rms_nm", "max": 1.0, "guard": 2.0}, "cannot tell", "states no uncertainty"),
     ],

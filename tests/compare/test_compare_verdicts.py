@@ -154,6 +154,20 @@ def test_recordings_of_one_name_are_held_against_each_other_too(tmp_path: Path) 
     assert found == ["[pump] plunger_diameter_m is 0.0081 in plain (after), 0.008 in plain (before)"]
 
 
+def test_a_pressure_in_the_chamber_and_one_in_the_line_are_not_compared(tmp_path: Path) -> None:
+    """The second was fitted in the structure of the first: a chamber was rebuilt from the chamber's own pressure."""
+    line = write_folder(tmp_path / "line", [clean_log(revolutions=6.0)], Plan("csv"))
+    inside = write_folder(tmp_path / "inside", [clean_log(revolutions=7.0)], Plan("csv"))
+    file = inside / "recording.toml"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("[sensors.pressure]", '[sensors.pressure]\nlocation = "chamber"'), encoding="utf-8")
+    for pair in ((line, inside), (inside, line)):
+        with pytest.raises(
+            Refusal, match=r"place is the \w+ in \w+, the .* by its location, expected one place: .* correct loc"
+        ):
+            compare(*pair, tmp_path / "out")
+
+
 def test_a_number_that_several_pairs_state_differently_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
     def stated_differently(before: str, after: str) -> dict[str, str]:
         return {"gain": f"2 in {after}, 1 in {before}"}

@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from camtorque.fit.prepare import mean_cycles
+from camtorque.fit.joint import searched_anew
+from camtorque.fit.prepare import fit_data, mean_cycles
 from camtorque.fit.problem import STRUCTURES
 from camtorque.fit.result import fitted_torque
-from camtorque.fit.single import FitOptions, fit_prepared, prepare, structures_of
-from camtorque.mechanism.lift_laws import lift_law
+from camtorque.fit.single import FitOptions, fit_prepared, prepare
+from camtorque.mechanism.lift_laws import lift_law, spectral_law
 from camtorque.mechanism.solve import solve_rigid
 from camtorque.records import Recording
 from fit_cases import bridged, rig
@@ -29,12 +30,18 @@ def sits(recording: Recording, location: str) -> Recording:
 @pytest.mark.parametrize(("location", "inside"), [
     ("drilling into the plunger chamber", True), ("at the plunger chamber (before the delivery valve)", True),
     ("Chamber", True), ("high-pressure line, pump end", False), ("line, 0.1 m from the chamber", False),
-    ("spring chamber of the delivery valve", False), ("pump head", False), ("", False),
+    ("spring chamber of the delivery valve", False), ("delivery valve chamber", False), ("feed chamber", False),
+    ("injection chamber of the rate meter", False), ("outlet of the chamber", False), ("pumping chamber", True),
+    ("2 m downstream of the chamber", False), ("low-pressure chamber", False), ("high-pressure chamber", True),
+    ("pump head", False), ("", False),
 ])  # fmt: skip
 def test_a_location_that_names_the_chamber_is_in_it(location: str, inside: bool):
-    recording = sits(bridged(RUN)[0], location)
+    recording, cycles, _ = bridged(RUN)
+    recording = sits(recording, location)
     assert recording.config.measures_chamber == inside
-    assert structures_of(recording) == (("line",) if inside else tuple(STRUCTURES))
+    data = fit_data(recording, cycles, spectral_law(recording.cam_table), mean_cycles(cycles))
+    assert data.structures == (("line",) if inside else tuple(STRUCTURES))
+    assert (searched_anew(data).structure == "line") == inside  # by the values of a joint fit, too
 
 
 def test_a_measured_chamber_gives_the_trigger_and_the_losses_back():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ from camtorque.fit.planning import (
     weighed,
 )
 from camtorque.laws.chain import BINS
-from camtorque.plan import CHAMBER_PEAK, need_size, rest_of, wanted_number
+from camtorque.plan import CHAMBER_PEAK, _target, need_size, rest_of, wanted_number
 from camtorque.records import Refusal
 
 ANGLE = np.linspace(0.0, 2.0 * np.pi, BINS, endpoint=False)
@@ -110,6 +111,15 @@ def test_a_plan_begins_with_the_uncertainty_that_the_report_states(tmp_path: Pat
     assert rest_of(tmp_path, tmp_path / "runs", CHAMBER_PEAK, 1e5, 12e5) == 0.0, (
         "a report of one is not of the joint fit"
     )
+
+
+def test_a_pressure_that_was_measured_is_no_target(tmp_path: Path) -> None:
+    """It was told as known to 0.24 of 1243 bar, the zero alone: the gain of its sensor is no parameter of the fit."""
+    measured = replace(KNOWN, recordings=(FittedAt("a", 100.0, "line", 0.01, False),))
+    with pytest.raises(
+        Refusal, match=r"plunger of a is the measured one, expected one that the fit rebuilds; its sens"
+    ):
+        _target(measured, tmp_path, {"a": tmp_path}, (CHAMBER_PEAK, 0.5, True))
 
 
 def test_a_second_tooth_is_paid_for_once() -> None:

@@ -250,6 +250,10 @@ def test_a_shaft_is_expected_to_be_made_for_its_torque():
     ("Jet A-1", "kerosene", 1.1e9, 1.3e9), ("marine distillate", "MGO DMA", 1.4e9, 1.6e9),
     ("heavy fuel oil", "IFO 380", 1.9e9, 2.2e9), ("HVO", "paraffinic diesel EN 15940", 1.15e9, 1.3e9),
     ("AdBlue", "urea solution", 2.5e9, 2.9e9), ("gasoline with 10 % ethanol", "Otto fuel", 0.9e9, 1.1e9),
+    ("diesel with 20 % ethanol", "residual-free test oil", 1.28e9, 1.38e9), ("E10", "petrol E5", 0.9e9, 1.1e9),
+    ("EN 590 with 6,5 % FAME", "winter diesel (kerosene 30 %)", 1.28e9, 1.38e9), ("RMG 380", "Schweroel", 1.9e9, 2.2e9),
+    ("test oil, jet at 40 bar", "No. 2 diesel free of FAME", 1.28e9, 1.38e9),
+    ("M85", "100 % ethanol", 0.8e9, 0.95e9), ("diesel of 87.5 % kerosene", "jet A1", 1.1e9, 1.3e9),
 ])  # fmt: skip
 def test_a_fuel_is_known_by_its_names(name, like, low, high) -> None:
     mean, _, source = modulus_prior(name, ZERO + 40.0)

@@ -245,6 +245,17 @@ def test_a_torque_too_large_for_the_pressure_is_told_before_it_is_refused(bench:
     assert "torque_against_pressure" in codes(bench)
 
 
+def test_a_chamber_may_be_pressed_highest_where_the_lift_hardly_rises(bench: Path):
+    """A sound pump that is closed at last has 1245 bar and 0.55 of the torque that these make on the steepest rise."""
+    toml = bench / "raw_examples" / "A" / "recording.toml"
+    edit(toml, "plunger_diameter_m = 0.008", "plunger_diameter_m = 0.0105")
+    assert "torque_against_pressure" in codes(bench)
+    edit(toml, '"high-pressure line, pump end"', '"plunger chamber"')
+    assert "torque_against_pressure" not in codes(bench)
+    edit(toml, "plunger_diameter_m = 0.0105", "plunger_diameter_m = 0.0145")
+    assert "torque_against_pressure" in codes(bench)
+
+
 def test_columns_under_each_others_name_are_among_the_causes_of_an_impossible_torque(bench: Path):
     toml = bench / "raw_examples" / "A" / "recording.toml"
     text = toml.read_text(encoding="utf-8")

@@ -7,6 +7,7 @@ import sys
 from dataclasses import replace
 from html import unescape
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from camtorque.report.answer import (
     unexplained_advice,
     work_parts,
 )
+from camtorque.report.curve_figures import pressures
 from camtorque.report.document import result_document
 from camtorque.report.page import run_page
 from camtorque.report.texts import budget_rows, by_size, parameter_groups, parameter_row
@@ -201,6 +203,17 @@ def test_the_head_of_a_page_states_the_conditions(warm: float | None, told: str)
     doc = result_document(run_result())
     doc["recording"] |= {"fuel_temperature_c": warm, "line_pressure_peak_bar": 867.4}
     assert f"line pressure up to 867 bar, {told}." in run_page(doc, [], "", (), ((), ()))
+
+
+def test_a_page_names_the_pressure_of_a_chamber_so() -> None:
+    result = run_result()
+    assert pressures(result).panels[0].lines[0].label == "line pressure, measured"
+    config = SimpleNamespace(**{**vars(result.recording.config), "measures_chamber": True})
+    inside = replace(result, recording=replace(result.recording, config=config))
+    assert pressures(inside).panels[0].lines[0].label == "chamber pressure, measured"
+    doc = result_document(run_result())
+    doc["findings"].append({"code": "pressure_in_chamber", "severity": "info", "text": "", "where": ""})
+    assert "rpm, pressure in the chamber up to" in run_page(doc, [], "", (), ((), ()))
 
 
 def test_tables_only_where_there_is_something_to_say(tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ from camtorque.finished_fit import (
     curve_of,
     load_curve,
     read_fit,
+    refuse_load_of_another_place,
     refuse_load_of_another_pump,
     rig_of,
 )
@@ -607,6 +608,21 @@ def test_a_cam_that_is_not_used_may_have_changed(tmp_path: Path) -> None:
     for named in (report, report / "result.json"):
         with pytest.raises(Refusal, match="other content in"):
             refuse_load_of_another_pump(named, [])
+
+
+def test_a_load_of_the_line_is_none_of_a_fit_in_the_chamber(tmp_path: Path) -> None:
+    """The line's 736 bar went on the plunger where its chamber has 1153: a third less torque, without a word."""
+    line, files = copied_report(tmp_path / "line")
+    chamber, others = copied_report(tmp_path / "chamber")
+    text = files["recording"].read_text(encoding="utf-8").replace("high-pressure line, pump end", "chamber")
+    others["recording"].write_text(text, encoding="utf-8")
+    result = json.loads((chamber / "result.json").read_text())
+    result["inputs"][0]["sha256"] = file_digest(others["recording"])
+    (chamber / "result.json").write_text(json.dumps(result))
+    for load, fitted, words in ((line, chamber, "line.* of the chamber"), (chamber, line, "chamber.* of the line")):
+        refuse_load_of_another_place(load, [load])
+        with pytest.raises(Refusal, match=f"found a pressure of the {words} as in .* correct location"):
+            refuse_load_of_another_place(load, [load, fitted])
 
 
 def test_the_report_of_a_load_may_be_named_by_its_result(tmp_path: Path) -> None:

@@ -159,9 +159,10 @@ def _unwrapped(raw: Array, quantum: float, where: str) -> tuple[Array, float]:
     if abs(whole - reach) > longest and 0.0 < bits - reach <= longest:
         whole = overflow = float(bits)
     if abs(whole - reach) > max(longest, NOT_WHOLE * TURN):
+        turns = f"{reach / TURN:.3g}" if reach < 100.0 * TURN else f"{reach / TURN:.1f}"
+        other = _in_other_unit(reach, longest) or ", and whether it was set to zero while it turned"
         raise Refusal(
-            f"{where}: the angle starts again after {reach / TURN:.3g} turns, expected whole ones; check its unit"
-            f"{_in_other_unit(reach, longest)}"
+            f"{where}: the angle starts again after {turns} turns, expected whole ones; check its unit{other}"
         )
     return raw + whole * np.r_[0.0, np.cumsum(wraps)], overflow
 

@@ -14,7 +14,7 @@ import numpy as np
 from camtorque.align.pulses import PulseTrain, clean_pulses
 from camtorque.config import TriggerSpec
 from camtorque.records import Array, Integers, Mask, Refusal
-from camtorque.signal.marks import MOSTLY
+from camtorque.signal.marks import MOSTLY, SAME_SHARE, two_marks, uneven_marks
 from camtorque.signal.running import running_median
 from camtorque.signal.threshold import Count, Threshold
 from camtorque.units import counted
@@ -66,10 +66,24 @@ def forward(time: Array, where: str) -> Array:
 def pitch_of(time: Array, spec: TriggerSpec) -> Array:
     """Return the usual gap around each gap [s]; a wheel with two teeth has as many marks as pitches: by pairs."""
     gaps = np.diff(time)
-    if not spec.missing_teeth or spec.pulses_per_rev - spec.missing_teeth != 2 or gaps.size < 2:
+    if not _has_two_teeth(spec) or gaps.size < 2:
         return running_median(gaps, PITCH_TEETH)
     by_pairs = running_median(gaps[:-1] + gaps[1:], PITCH_TEETH) / spec.pulses_per_rev
     return np.r_[by_pairs, by_pairs[-1]]
+
+
+def _has_two_teeth(spec: TriggerSpec) -> bool:
+    return spec.missing_teeth > 0 and spec.pulses_per_rev - spec.missing_teeth == LEAST_PULSES
+
+
+def _refuse_other_two(time: Array, spec: TriggerSpec, where: str) -> None:
+    """Refuse two teeth that stand elsewhere than declared: their gaps round to whole pitches of any wheel."""
+    share = two_marks(time)
+    if share and abs(share - 1.0 / spec.pulses_per_rev) > SAME_SHARE:
+        raise Refusal(
+            f"{where}: expected two teeth {360.0 / spec.pulses_per_rev:.0f} deg apart by pulses_per_rev and "
+            f"missing_teeth, but {uneven_marks(time)}"
+        )
 
 
 def _steps(time: Array, spec: TriggerSpec) -> tuple[Integers, Mask]:
@@ -251,6 +265,8 @@ def _numbered(time: Array, spec: TriggerSpec, where: str, index: Array | None) -
     if spec.pulses_per_rev == 1:
         train = clean_pulses(time)
         return train if index is None else numbered_by_index(train, index, spec, where)
+    if _has_two_teeth(spec):
+        _refuse_other_two(time, spec, where)
     if spec.double_tooth or spec.missing_teeth:
         found = (double_tooth_steps if spec.double_tooth else missing_tooth_steps)(time, spec)
         train = from_marks(*found, spec, where)

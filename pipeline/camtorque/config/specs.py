@@ -19,10 +19,13 @@ from camtorque.records import Finding, Refusal
 
 IN_CHAMBER = re.compile(r"\bchamber\b", re.IGNORECASE)
 ELSEWHERE = re.compile(
-    r"\b(line|pipe|rail|holder|nozzle|injector|accumulator|gallery|inlet|suction|spring|from|behind|after|outside|not)\b",
+    r"\b(line|pipe|tube|hose|rail|holder|nozzle|injector|accumulator|gallery|inlet|outlet|suction|spring|from|behind|after|"
+    r"downstream|outside|not)\b|\b(valve|injection|spray|combustion|feed|low.?pressure|supply|damping|damper|buffer|"
+    r"spill|return|air|cam|climate|test|measuring|meter)[ -]chamber\b",
     re.IGNORECASE,
 )
-"""Words of a sensor's location by which it sits in the plunger's chamber, and by which it does not."""
+"""Words of a sensor's location by which it sits in the plunger's chamber, and by which it does not: other things than
+a pump have chambers, too."""
 
 
 @dataclass(frozen=True)

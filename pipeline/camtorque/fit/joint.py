@@ -221,14 +221,14 @@ def searched_anew(item: FitData, structures: tuple[str, ...] = ("land", "spill",
     """Return a recording in the structure and with the end of delivery that the shared values like best.
 
     As in the search of one recording only what is large of the lift correction counts. All places are weighed with that
-    of the start, the best of them fitted, each with its own.
+    of the start, the best of them fitted, each with its own. A chamber that was measured is not rebuilt here either.
     """
     held = {name: row.start for name, row in item.rows.items() if row.role == "shared"}
     rough = replace(item, lift_basis=item.lift_basis.thinned())
     problem = build_problem([rough], held)
     lift = lift_at(problem, problem.start, SEARCH_LIFT_CUT)
     tried: list[FitData] = []
-    for structure in structures:
+    for structure in item.structures if item.measures_chamber else structures:
         other = in_structure(rough, structure)
         tried += [rough] if structure == item.structure and structure in END_OF else []
         tried += [with_starts(other, end) for end in ends_at(other, SCAN_SHARES)] if structure in END_OF else [other]

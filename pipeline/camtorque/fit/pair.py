@@ -225,7 +225,7 @@ def root_of(covariance: Array) -> Array:
 def _item(side: Prepared, data: FitData, lost: Array) -> FitData:
     cycles, torque = side.cycles, _mean_torque(side)
     n = data.chain.theta.size
-    turned = cam_deviation(side.recording.config, cycles)
+    turned = cam_deviation(side.recording.config, cycles.details.get("angle_deviation"))
     chain = replace(
         data.chain, speed=cycles.mean_speed, line_pressure=on_grid(np.mean(cycles.pressure, axis=0), n),
         shaft_torque=on_grid(torque, n) + lost, deviation=on_grid(turned, n) if turned.size else turned,

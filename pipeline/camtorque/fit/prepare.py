@@ -115,9 +115,8 @@ def on_grid(values: Array, n: int) -> Array:
     return np.asarray(np.fft.irfft(np.fft.rfft(values)[: n // 2 + 1], n) * (n / values.size))
 
 
-def cam_deviation(config: RecordingConfig, cycles: CamCycles) -> Array:
-    """Return cam angle less that of uniform running (n_theta,) [rad]; empty where no wheel on the cam measured it."""
-    turned = cycles.details.get("angle_deviation")
+def cam_deviation(config: RecordingConfig, turned: Array | None) -> Array:
+    """Return what a wheel ``turned`` ahead of uniform running (n_theta,) [rad]; empty where it is not on the cam."""
     return np.zeros(0) if turned is None or config.trigger.side == "motor" else np.asarray(turned, dtype=np.float64)
 
 
@@ -131,7 +130,7 @@ def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, means: MeanCy
     rows = loaded_rows(rig_rows(config, law, torque_sheet, pressure_sheet, cycles), law, cycles, means.torque)
     step = float(np.median(np.diff(table.theta)))
     basis = lift_correction(cycles.theta, law.evaluate(cycles.theta, 0), table.resolution, law.lift_std, step)
-    turned = cam_deviation(config, cycles)
+    turned = cam_deviation(config, cycles.details.get("angle_deviation"))
     chain = ChainInput(
         deviation=on_grid(turned, FIT_GRID) if turned.size else turned,
         theta=angle_grid(FIT_GRID), speed=cycles.mean_speed, line_pressure=on_grid(means.pressure, FIT_GRID),
@@ -140,7 +139,8 @@ def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, means: MeanCy
         ripple_order=repeated_order(on_grid(means.torque, FIT_GRID), law.evaluate(angle_grid(FIT_GRID), 0)),
     )  # fmt: skip
     centred = binned_at_centres(means.torque)
-    return FitData(config.id, chain, centred, bin_weights(centred, means.scatter_of_mean), "land", rows, basis)
+    weight = bin_weights(centred, means.scatter_of_mean)
+    return FitData(config.id, chain, centred, weight, "land", rows, basis, config.measures_chamber)
 
 
 def other_half(data: FitData, means: MeanCycles) -> FitData:

@@ -57,6 +57,7 @@ class FitData(ReadOnly):
     structure : one of `STRUCTURES`
     rows : parameter rows with this recording's starts, bounds and priors
     lift_basis : correction of the lift table
+    measures_chamber : whether its pressure is that on the plunger, so that it has the structure ``line`` and no other
     """
 
     name: str
@@ -66,6 +67,7 @@ class FitData(ReadOnly):
     structure: str
     rows: Mapping[str, ParameterRow]
     lift_basis: LiftCorrection
+    measures_chamber: bool = False
 
     def __post_init__(self) -> None:
         if self.torque.shape != self.weight.shape:
@@ -73,6 +75,11 @@ class FitData(ReadOnly):
         if self.structure not in STRUCTURES:
             raise ValueError(f"{self.name}: structure {self.structure!r}, expected one of {tuple(STRUCTURES)}")
         super().__post_init__()
+
+    @property
+    def structures(self) -> tuple[str, ...]:
+        """The structures that are compared."""
+        return ("line",) if self.measures_chamber else tuple(STRUCTURES)
 
     def applies(self, name: str) -> bool:
         """Return whether a parameter acts in this recording's structure."""

@@ -9,7 +9,7 @@ import numpy as np
 from camtorque.align.budget import wandered_std
 from camtorque.config import FluidSpec, PumpData, RecordingConfig
 from camtorque.laws import ROWS, ripple
-from camtorque.laws.fluid import HEAVY, fuel_temperature, modulus_prior, viscosity_ratio
+from camtorque.laws.fluid import HEAVY, fuel_temperature, kind_of, modulus_prior, viscosity_ratio
 from camtorque.laws.ports import DISCHARGE
 from camtorque.laws.rows import ParameterRow
 from camtorque.laws.sensor import BUTTERWORTH, LEAST_DAMPING, MOST_DAMPING, STEEP
@@ -226,7 +226,7 @@ def _set_warm(rows: dict[str, ParameterRow], fluid: FluidSpec, temperature: floa
     modulus = modulus_prior(fluid.name, temperature)
     if modulus is not None:
         _set_prior(rows, "bulk_modulus", *modulus)
-    if temperature is None or HEAVY.search(fluid.name):  # which is heated until it is as thin as a pump needs it
+    if temperature is None or kind_of(fluid.name) is HEAVY:  # which is heated until it is as thin as a pump needs it
         return
     ratio = viscosity_ratio(temperature)
     for name, factor in {"leakage": 1.0 / ratio, "plunger_viscous": ratio}.items():

@@ -33,7 +33,7 @@ from camtorque.fit.kinds import OtherPin, chamber_evidence, pin_decided, structu
 from camtorque.fit.local_error import weighed_locally
 from camtorque.fit.minima import Candidate, Halves, at_minimum, attempted, beside, followed, with_its_lost_torque
 from camtorque.fit.prepare import INDEPENDENT, MeanCycles, fit_data, mean_cycles, other_half
-from camtorque.fit.problem import STRUCTURES, Problem, with_rows
+from camtorque.fit.problem import Problem, with_rows
 from camtorque.fit.residual import explains
 from camtorque.fit.search import DISSATISFYING, SearchState, search
 from camtorque.fit.solver import Minimum, Solution
@@ -158,9 +158,8 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     law = spectral_law(recording.cam_table)
     data = fit_data(recording, cycles, law, means)
     halves = Halves(data, other_half(data, means))
-    structures = structures_of(recording)
-    minima, valley = search_minima(halves, structures)
-    if minima[0].left_to_explain > DISSATISFYING and len(structures) > 1:
+    minima, valley = search_minima(halves)
+    if minima[0].left_to_explain > DISSATISFYING and not data.measures_chamber:
         minima, valley = with_oil_at_rest(minima, valley, halves)
     kept = distinct(minima)
     weighed, other_pin = pin_decided(weighed_locally(kept, halves, means.odd_even), halves)
@@ -171,14 +170,9 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     return Prepared(recording, cycles, rigid, means, kept, valley, data.chain.shaft_torque, other_pin, softer)
 
 
-def structures_of(recording: Recording) -> tuple[str, ...]:
-    """Return the structures that are compared: one where the sensor measures the pressure on the plunger itself."""
-    return ("line",) if recording.config.measures_chamber else tuple(STRUCTURES)
-
-
-def search_minima(halves: Halves, structures: tuple[str, ...] = tuple(STRUCTURES)) -> tuple[list[Candidate], Valley]:
+def search_minima(halves: Halves) -> tuple[list[Candidate], Valley]:
     """Return all minima that a search ends at, the best one first, and the valley of that."""
-    minima = every_structure(search(halves, structures), halves)
+    minima = every_structure(search(halves, halves.fitted.structures), halves)
     minima = turned_round(with_lost_torque(minima, halves), halves)
     best, valley = profile_trigger_angle(reconverged(minima[0], halves), halves)
     return [best, *minima], valley
@@ -265,7 +259,7 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     evidence: tuple[LossEvidence, ...] = ()
     if options.evidence:
         evidence = loss_evidence(problem, solution, cov, odd_even)
-        if len(structures_of(prepared.recording)) > 1:
+        if not best.data.measures_chamber:
             evidence = (chamber_evidence(prepared.candidates, careful.inflation), *evidence)
         if not explains(best.data, solution, odd_even):
             evidence = where_unexplained(evidence)

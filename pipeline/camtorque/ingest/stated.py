@@ -22,6 +22,7 @@ DIMENSIONS = tuple(f"[pump] {name}" for name in (
     "plunger_diameter_m", "base_circle_radius_m", "roller_radius_m", "follower_offset_m"
 ))  # fmt: skip
 """What differs between pumps, not between the states of one."""
+PLACE = "pressure sensor, place"
 NUMBERS = ("number", "whole", "choice", "flag")
 """Kinds of key from which a model is computed."""
 DIGITS = 7
@@ -39,6 +40,8 @@ def stated(recording: Recording) -> dict[str, str]:
     table = recording.lift_table
     if table is not None:
         found["lift table"] = sha256(table.theta.tobytes() + table.lift.tobytes()).hexdigest()[:8]
+    if "pressure" in config.sensors:
+        found[PLACE] = "the chamber" if config.measures_chamber else "the line"
     for quantity, unit in (("torque", "N m"), ("pressure", "Pa")):
         sheets = [channel.calibration for channel in recording.of(quantity) if channel.calibration is not None]
         for sheet in sheets[:1]:

@@ -48,14 +48,22 @@ UNKNOWN_WARMTH = 15.0
 WARMTH_STD = 3.0
 """How far the fuel in the chamber is from the inlet [K]."""
 BIODIESEL = re.compile(r"bio.?diesel|methyl.?ester|\b(fame|rme|sme|b100)\b|en.?14214", re.IGNORECASE)
-GASOLINE = re.compile(r"gasoline|petrol(?!eum)|benzin|otto|en.?228", re.IGNORECASE)
-ALCOHOL = re.compile(r"methanol|ethanol|alcohol|\be(85|100)\b", re.IGNORECASE)
-KEROSENE = re.compile(r"kerosene|kerosin|\bjet.?a|avtur|\bjp.?[58]\b", re.IGNORECASE)
-HEAVY = re.compile(r"heavy.?fuel|\b(hfo|ifo|vlsfo|bunker)|residual|\brm[a-k]\d|schweröl", re.IGNORECASE)
+GASOLINE = re.compile(r"gasoline|petrol(?!eum)|benzin|\botto|en.?228|\be(5|10|20)\b", re.IGNORECASE)
+ALCOHOL = re.compile(r"methanol|ethanol|alcohol|\b(e85|e100|m85|m100)\b", re.IGNORECASE)
+KEROSENE = re.compile(r"kerosene|kerosin|\bjet.?a(.?1)?\b|avtur|\bjp.?[58]\b", re.IGNORECASE)
+HEAVY = re.compile(
+    r"heavy.?fuel|\b(hfo|ifo|vlsfo|bunker)|residual.(fuel|oil)|\brm[a-k].?\d|schwer(ö|oe)l", re.IGNORECASE
+)
 MARINE = re.compile(r"marine|\b(mgo|mdo|dm[abxz])\b", re.IGNORECASE)
 PARAFFINIC = re.compile(r"\b(hvo|gtl)|paraffinic|en.?15940", re.IGNORECASE)
 UREA = re.compile(r"urea|adblue|\baus.?32", re.IGNORECASE)
 DIESEL = re.compile(r"diesel|gas.?oil|gasöl|iso.?4113|en.?590|test.?oil|calibration|normafluid|prüföl", re.IGNORECASE)
+MINOR = re.compile(
+    r"\w+-free\b|\bfree of \w+|\b(no|non|without)[- ]\w+|(?<![\d.,])[1-4]?\d([.,]\d+)?\s?%\s(of\s)?\w+"
+    r"|\w+\s[1-4]?\d([.,]\d+)?\s?%\s*(?=$|[,;)])",
+    re.IGNORECASE,
+)
+"""What a name says is not in a fuel, or less than half of it."""
 MODULI = (
     (BIODIESEL, 1.55e9, 0.12e9), (GASOLINE, 1.00e9, 0.12e9), (ALCOHOL, 0.89e9, 0.08e9), (KEROSENE, 1.21e9, 0.09e9),
     (HEAVY, 2.05e9, 0.20e9), (MARINE, 1.47e9, 0.13e9), (PARAFFINIC, 1.25e9, 0.09e9), (UREA, 2.70e9, 0.20e9),
@@ -113,6 +121,12 @@ def fuel_temperature(fluid: FluidSpec, cycles: CamCycles) -> float | None:
     return fluid.temperature
 
 
+def kind_of(name: str) -> re.Pattern[str] | None:
+    """Return the kind in `MODULI` that a fuel's name tells, None for none; what it holds little of does not count."""
+    main = MINOR.sub(" ", name)
+    return next((names for names, _, _ in MODULI if names.search(main)), None)
+
+
 def modulus_prior(name: str, temperature: float | None) -> tuple[float, float, str] | None:
     """Return mean and spread of the bulk modulus beforehand [Pa], and what they are drawn from.
 
@@ -122,7 +136,8 @@ def modulus_prior(name: str, temperature: float | None) -> tuple[float, float, s
     ----------
     name : of the fuel; ``temperature`` : [K]
     """
-    known = next(((mean, spread) for names, mean, spread in MODULI if names.search(name)), None)
+    kind = kind_of(name)
+    known = next(((mean, spread) for names, mean, spread in MODULI if names is kind), None)
     if not known and temperature is None:
         return None
     mean, spread = known or ANY_MODULUS

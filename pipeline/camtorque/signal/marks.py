@@ -15,6 +15,11 @@ EVEN = Threshold(
 SAME_SHARE = Threshold(
     0.02, "1", "simulated rigs", "Two marks part a revolution alike in every turn, by this share of it."
 )  # fmt: skip
+TOLD_APART = Threshold(
+    0.08, "1", "convention",
+    "Two marks nearer to each other than this share of a turn (29 degrees) tell no wheel: the next is as near."
+)  # fmt: skip
+NEAREST = Threshold(1.0 / 3.0, "1", "convention", "Nearer than this part of the way to the next number of teeth.")
 MOSTLY = Threshold(0.8, "1", "convention", "So many of the turns do: a pulse that is missing spoils two.")
 LEAST_PERIODS = Count(6, "1", "convention", "Three turns of two pulses.")
 
@@ -51,9 +56,13 @@ def two_marks(times: Array) -> float:
 
 
 def pitches_of(share: float) -> int:
-    """Return of how many teeth a wheel is whose two neighbours stand a share of a revolution apart, 0 for of none."""
+    """Return of how many teeth a wheel is whose two neighbours stand a share of a revolution apart, 0 if of none.
+
+    Two marks at 54 degrees are none of 7 teeth: their second one would put the cam 2.6 degrees off in every turn.
+    """
     pitches = round(1.0 / share)
-    return pitches if abs(share - 1.0 / pitches) <= SAME_SHARE else 0
+    reach = min(float(SAME_SHARE), NEAREST * (1.0 / pitches - 1.0 / (pitches + 1.0)))
+    return pitches if share >= TOLD_APART and abs(share - 1.0 / pitches) <= reach else 0
 
 
 def uneven_marks(times: Array) -> str:
@@ -64,7 +73,8 @@ def uneven_marks(times: Array) -> str:
     short, pitches = share * TURN / DEGREE, pitches_of(share)
     seen = f"the pulses stand {short:.0f} and {360.0 - short:.0f} deg apart in turn: two marks on one shaft"
     if not pitches:
-        return f"{seen}, at no whole part of a revolution; take one away, or set it 60 deg after the other"
+        why = "at no whole part of a revolution" if share >= TOLD_APART else "too near each other to tell a wheel"
+        return f"{seen}, {why}; take one away, or set it 60 deg after the other"
     return (
         f"{seen}; write pulses_per_rev = {pitches}, missing_teeth = {pitches - 2} under [trigger], nominal_angle_deg "
         "is that of the first after the long way"
