@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from camtorque.config import ChannelSpec, LoggerSpec, RecordingConfig, TriggerSpec
+from camtorque.config import ChannelSpec, LoggerSpec, RecordingConfig, SensorRef, TriggerSpec
 from camtorque.config.pump import PumpConfig
 from camtorque.config.quantities import CHANNEL_QUANTITIES
+from camtorque.config.recording import chamber_findings
 from camtorque.config.schemas import CAM_SPEED, SENSOR_DELAY, SWITCH_DELAY
 from camtorque.ingest.plausibility import check_loads
 from camtorque.ingest.pump_file import read_pump
@@ -47,6 +48,7 @@ class Sensor:
     delay, delay_std : total delay that is still in the readings, and its standard uncertainty [s]; a delay of None is
         unknown: that of usual amplifiers, no less than that of the low-pass, +- 100 %, as for a sheet that states none
     cutoff_hz, filter_order : -3 dB frequency [Hz] and order of the low-pass in front; nan and 0 where there is none
+    location : where it sits, in words, as in recording.toml: a pressure sensor in the chamber says so
     """
 
     gain_std: float = WIDE_GAIN_STD
@@ -55,6 +57,7 @@ class Sensor:
     delay_std: float = WIDE_DELAY_STD
     cutoff_hz: float = float("nan")
     filter_order: int = 0
+    location: str = ""
 
     def __post_init__(self) -> None:
         _within(self.gain_std, 0.0, MOST_GAIN_STD, "Sensor gain_std")
@@ -66,6 +69,8 @@ class Sensor:
         _within(self.filter_order, 0, MOST_ORDER, "Sensor filter_order")
         if self.filter_order % 1:
             raise Refusal(f"Sensor filter_order: found {self.filter_order!r}, expected a whole number")
+        if not isinstance(self.location, str):
+            raise Refusal(f"Sensor location: found {self.location!r}, expected words such as 'plunger chamber'")
         object.__setattr__(self, "filter_order", int(self.filter_order))
 
 
@@ -97,18 +102,7 @@ def recording_from_arrays(
     name: str,
 ) -> Recording:
     """Return a recording of arrays in SI on one clock; see `camtorque.Recording.from_arrays`."""
-    if not isinstance(sensors, Mapping):
-        raise Refusal(
-            f"sensors: found a {type(sensors).__name__}, expected one by name, such as {{'torque': Sensor(...)}}"
-        )
-    strange = [key for key in sensors if key not in ("torque", "pressure")]
-    if strange:
-        raise Refusal(f"sensors: found {strange[0]!r}, expected 'torque' and 'pressure' as keys")
-    for key, sensor in sensors.items():
-        if not isinstance(sensor, Sensor):
-            raise Refusal(
-                f"sensors[{key!r}]: found {sensor!r}, expected a camtorque.Sensor, such as Sensor(gain_std=0.002)"
-            )
+    _refuse_strange(sensors)
     if not (isinstance(name, str) and name.strip()):
         raise Refusal(f"name: found {name!r}, expected a text; pages and tables go by it")
     config, notes = (pump, ()) if isinstance(pump, PumpConfig) else read_pump(pump)
@@ -123,12 +117,29 @@ def recording_from_arrays(
     channels = tuple(
         _channel(quantity, array, every[quantity], sensors.get(quantity)) for quantity, array in values.items()
     )
+    of_recording = _config(config, channels, mark, name, sensors)
     findings = (
         *notes,
+        *chamber_findings(of_recording),
         *(_assumed(channel) for channel in channels if channel.quantity not in sensors and channel.calibration),
     )
-    recording = Recording(_config(config, channels, mark, name), channels, _table(config), (), findings)
+    recording = Recording(of_recording, channels, _table(config), (), findings)
     return replace(recording, findings=(*findings, *check_loads(recording)))
+
+
+def _refuse_strange(sensors: Mapping[str, Sensor]) -> None:
+    if not isinstance(sensors, Mapping):
+        raise Refusal(
+            f"sensors: found a {type(sensors).__name__}, expected one by name, such as {{'torque': Sensor(...)}}"
+        )
+    strange = [key for key in sensors if key not in ("torque", "pressure")]
+    if strange:
+        raise Refusal(f"sensors: found {strange[0]!r}, expected 'torque' and 'pressure' as keys")
+    for key, sensor in sensors.items():
+        if not isinstance(sensor, Sensor):
+            raise Refusal(
+                f"sensors[{key!r}]: found {sensor!r}, expected a camtorque.Sensor, such as Sensor(gain_std=0.002)"
+            )
 
 
 def _checked(values: ArrayLike, quantity: str) -> Array:
@@ -195,15 +206,22 @@ def _assumed(channel: Channel) -> Finding:
     return Finding("sensor_assumed", "warning", text, channel.name)
 
 
-def _config(pump: PumpConfig, channels: tuple[Channel, ...], mark: Mark, name: str) -> RecordingConfig:
+def _config(
+    pump: PumpConfig, channels: tuple[Channel, ...], mark: Mark, name: str, sensors: Mapping[str, Sensor]
+) -> RecordingConfig:
+    sitting = {
+        quantity: SensorRef(quantity, "", None, None, None, location=sensor.location)
+        for quantity, sensor in sensors.items()
+        if sensor.location
+    }
     specs = (ChannelSpec(c.quantity, IN_MEMORY, "", c.name, "", c.logger, c.sample_rate, "") for c in channels)
     sampled = ", ".join(f"{c.quantity} {c.sample_rate:g} Hz" for c in channels)
     text = f"# arrays, sampled at {sampled}; pump file:\n{pump.text}"
     trigger = TriggerSpec(mark.angle_deg * DEGREE, mark.tolerance_deg * DEGREE, switching_delay=mark.delay)
     return RecordingConfig(
         path=IN_MEMORY, text=text, id=name, pump_id=pump.path.stem, nominal_speed=mark.speed_rpm * RPM,
-        file_format="arrays", csv_dialect="", rotation=pump.rotation, pump_sheet=pump.pump, trigger=trigger, sensors={},
-        loggers=(LoggerSpec("arrays", "single"),), channels=tuple(specs),
+        file_format="arrays", csv_dialect="", rotation=pump.rotation, pump_sheet=pump.pump, trigger=trigger,
+        sensors=sitting, loggers=(LoggerSpec("arrays", "single"),), channels=tuple(specs),
     )  # fmt: skip
 
 

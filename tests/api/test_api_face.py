@@ -75,6 +75,16 @@ def test_a_delay_that_nobody_states_is_no_shorter_than_the_low_pass(
     assert (sheet.delay, sheet.delay_std) == pytest.approx((delay, delay / np.sqrt(3.0)), rel=1e-3)
 
 
+def test_a_sensor_of_arrays_says_that_it_sits_in_the_chamber(pump_file: Path, arrays: dict[str, np.ndarray]) -> None:
+    inside = replace(KNOWN["pressure"], location="plunger chamber")
+    found = recording(pump_file, arrays, sensors={**KNOWN, "pressure": inside})
+    assert found.config.measures_chamber
+    assert "pressure_in_chamber" in {row.code for row in found.findings}
+    assert not recording(pump_file, arrays).config.measures_chamber
+    with pytest.raises(camtorque.Refusal, match=r"Sensor location: found 3, expected words such as 'plunger chamber'"):
+        camtorque.Sensor(location=3)  # type: ignore[arg-type]
+
+
 def test_arrays_in_another_unit_and_sensors_of_another_name_are_told(
     pump_file: Path, arrays: dict[str, np.ndarray]
 ) -> None:

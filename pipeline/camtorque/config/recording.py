@@ -77,7 +77,7 @@ def load_recording_config(path: Path) -> RecordingConfig:
         drive=DriveSpec(**single["drive"]),
     )
     _check_roles(config)
-    return replace(config, findings=(*config.findings, *_one_file_two_clocks(config), *_in_chamber(config)))
+    return replace(config, findings=(*config.findings, *_one_file_two_clocks(config), *chamber_findings(config)))
 
 
 def _near(path: Path) -> str:
@@ -186,7 +186,8 @@ def _one_file_two_clocks(config: RecordingConfig) -> list[Finding]:
     return found
 
 
-def _in_chamber(config: RecordingConfig) -> tuple[Finding, ...]:
+def chamber_findings(config: RecordingConfig) -> tuple[Finding, ...]:
+    """Return a note where the location of the pressure sensor says that it measures the pressure on the plunger."""
     if not config.measures_chamber:
         return ()
     text = (
