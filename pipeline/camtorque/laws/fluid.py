@@ -64,11 +64,11 @@ MINOR = re.compile(
     re.IGNORECASE,
 )
 """What a name says is not in a fuel, or less than half of it."""
-MODULI = (
-    (BIODIESEL, 1.55e9, 0.12e9), (GASOLINE, 1.00e9, 0.12e9), (ALCOHOL, 0.89e9, 0.08e9), (KEROSENE, 1.21e9, 0.09e9),
-    (HEAVY, 2.05e9, 0.20e9), (MARINE, 1.47e9, 0.13e9), (PARAFFINIC, 1.25e9, 0.09e9), (UREA, 2.70e9, 0.20e9),
-    (DIESEL, 1.33e9, 0.10e9),
-)  # fmt: skip
+MODULI = {
+    BIODIESEL: (1.55e9, 0.12e9), GASOLINE: (1.00e9, 0.12e9), ALCOHOL: (0.89e9, 0.08e9), KEROSENE: (1.21e9, 0.09e9),
+    HEAVY: (2.05e9, 0.20e9), MARINE: (1.47e9, 0.13e9), PARAFFINIC: (1.25e9, 0.09e9), UREA: (2.70e9, 0.20e9),
+    DIESEL: (1.33e9, 0.10e9),
+}  # fmt: skip
 """Name -> bulk modulus at 40 degrees and feed pressure, and its spread over makes [Pa]; the first that is found holds.
 Methyl esters: 1350 m/s and 865 kg/m^3 (Tat & Van Gerpen, J. Am. Oil Chem. Soc. 77 (2000)) give 1.57. Diesel: Payri,
 Fuel 90 (2011), 1.25-1.33; 1330 m/s and 820 kg/m^3 give 1.45 for a dense one. The others by sound and density, m/s and
@@ -124,7 +124,7 @@ def fuel_temperature(fluid: FluidSpec, cycles: CamCycles) -> float | None:
 def kind_of(name: str) -> re.Pattern[str] | None:
     """Return the kind in `MODULI` that a fuel's name tells, None for none; what it holds little of does not count."""
     main = MINOR.sub(" ", name)
-    return next((names for names, _, _ in MODULI if names.search(main)), None)
+    return next((names for names in MODULI if names.search(main)), None)
 
 
 def modulus_prior(name: str, temperature: float | None) -> tuple[float, float, str] | None:
@@ -137,7 +137,7 @@ def modulus_prior(name: str, temperature: float | None) -> tuple[float, float, s
     name : of the fuel; ``temperature`` : [K]
     """
     kind = kind_of(name)
-    known = next(((mean, spread) for names, mean, spread in MODULI if names is kind), None)
+    known = None if kind is None else MODULI[kind]
     if not known and temperature is None:
         return None
     mean, spread = known or ANY_MODULUS
