@@ -121,44 +121,69 @@ def tooth_places(train: PulseTrain, spec: TriggerSpec, n: int) -> Places | None:
         return None
     tooth, mean, scatter, turns = found
     # one variance for all teeth: that of a single one is known poorly from a few turns
-    variance = np.full(tooth.size, max(scatter**2 / turns + 1e-18, LEAST_VARIANCE))
+    variance = max(scatter**2 / turns + 1e-18, LEAST_VARIANCE)
     pattern = _design(tooth, mean, variance, spec, n)
     sizes = _sizes(pattern)
-    place, coefficient = _mixture(pattern, sizes)
+    (place, spread), (coefficient, covariance) = _mixture(pattern, sizes)
     everywhere = np.arange(n) % pattern.free.size
+    std = np.sqrt(np.maximum(spread, 0.0))
     return Places(
-        place.mean[everywhere], place.std[everywhere], pattern.orders, coefficient.mean,
-        coefficient.covariance, sizes.tooth, scatter, turns,
-    )  # fmt: skip
+        place[everywhere], std[everywhere], pattern.orders, coefficient, covariance, sizes.tooth, scatter, turns
+    )
 
 
 @dataclass(frozen=True)
-class _Normal:
-    """Mean and covariance of some parameters."""
+class _Alike:
+    """Teeth of a wheel that a turn of the cam shows equally often with one variance, and their sums of squares.
 
-    mean: Array
-    covariance: Array
+    Attributes
+    ----------
+    count, times : teeth of the wheel, and how often a turn shows each
+    variance : of the mean of each passage [rad^2]
+    apart, together : (k, k) of the passages about the mean of their tooth, and of those means times ``times``
+    """
 
-    @property
-    def std(self) -> Array:
-        """Standard deviations."""
-        return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)), dtype=np.float64)
+    count: int
+    times: int
+    variance: float
+    apart: Array
+    together: Array
 
 
 @dataclass(frozen=True)
 class _Pattern:
-    """The pattern of a turn and what it may be made of: ``which`` tooth, ``waves`` of the angle.
+    """The pattern of a turn and what it may be made of: errors of the wheel's teeth, waves of the angle, a shift.
 
-    ``variance``: of the mean, and of those teeth that are ``free``.
+    Attributes
+    ----------
+    orders : of the waves
+    alike : the teeth by how they are shown; the sums of squares are of waves, shift and pattern
+    times, variance, sums : of each tooth of the wheel: (t,), (t,), and (t, k) the sum of its passages
+    free : (t,) teeth that have a place of their own
     """
 
-    mean: Array
-    variance: Array
-    which: Array
-    free: Mask
     orders: Integers
-    waves: Array
-    teeth_covariance: Array
+    alike: tuple[_Alike, ...]
+    times: Integers
+    variance: Array
+    sums: Array
+    free: Mask
+
+    def squares(self, tooth: float) -> Array:
+        """Return the sums of squares (k, k) in units of the variance that errors of the teeth leave.
+
+        What passages of one tooth have in common holds its error, what is between them does not.
+        """
+        return np.asarray(sum(
+            part.apart / part.variance + part.together / (part.variance + part.times * tooth**2) for part in self.alike
+        ))  # fmt: skip
+
+    def log_variance(self, tooth: float) -> float:
+        """Return the logarithm of the determinant of the covariance of variance and errors of teeth alone."""
+        return float(sum(
+            part.count * ((part.times - 1) * np.log(part.variance) + np.log(part.variance + part.times * tooth**2))
+            for part in self.alike
+        ))  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -177,16 +202,24 @@ class _Sizes:
         return np.tile(variance, 2)
 
 
-def _design(tooth: Integers, mean: Array, variance: Array, spec: TriggerSpec, n: int) -> _Pattern:
+def _design(tooth: Integers, mean: Array, variance: float, spec: TriggerSpec, n: int) -> _Pattern:
     per_wheel = max(1, n // spec.revolutions_per_cycle)
-    which = np.zeros((tooth.size, per_wheel))
-    which[np.arange(tooth.size), tooth % per_wheel] = 1.0
-    free = _beside_gap(spec, per_wheel)
-    variance = variance + (which @ np.where(free, FREE_TOOTH, 0.0)) ** 2
+    free, which = _beside_gap(spec, per_wheel), tooth % per_wheel
     orders = np.arange(1, max(LEAST_ORDERS, min(MOST_ORDERS, (tooth.size - 1) // 2)) + 1)
     # a cam that is ahead passes its teeth earlier
-    waves = -_waves(np.asarray(tooth * (TURN / n)), orders)
-    return _Pattern(mean, variance, which, free, orders, waves, which @ which.T)
+    columns = np.column_stack([-_waves(np.asarray(tooth * (TURN / n)), orders), np.ones(tooth.size), mean])
+    times = np.bincount(which, minlength=per_wheel)
+    sums = np.zeros((per_wheel, columns.shape[1]))
+    np.add.at(sums, which, columns)
+    apart = columns - sums[which] / times[which, None]
+    each = variance + np.where(free, FREE_TOOTH, 0.0) ** 2
+    alike = []
+    for shown, own in sorted({(int(k), bool(f)) for k, f in zip(times, free, strict=True) if k}):
+        these = (times == shown) & (free == own)
+        rows = apart[these[which]]
+        together = sums[these].T @ sums[these] / shown
+        alike.append(_Alike(int(these.sum()), shown, float(each[these][0]), rows.T @ rows, together))
+    return _Pattern(orders, tuple(alike), times, each, sums, free)
 
 
 def _waves(angle: Array, orders: Integers) -> Array:
@@ -240,25 +273,27 @@ def _turns(train: PulseTrain, n: int) -> tuple[Array, Integers]:
     return times[:, shown], shown
 
 
-def _marginal(pattern: _Pattern, sizes: _Sizes) -> Array:
-    """Return the covariance of the pattern; a common shift of all teeth is left open."""
-    covariance = sizes.tooth**2 * pattern.teeth_covariance + COMMON_SHIFT**2
-    covariance += (pattern.waves * sizes.waves(pattern.orders)) @ pattern.waves.T
-    covariance.flat[:: pattern.mean.size + 1] += pattern.variance
-    return covariance
+def _prior_std(pattern: _Pattern, sizes: _Sizes) -> Array:
+    """Return the prior standard deviations of waves and shift; a common shift of all teeth is left open."""
+    return np.sqrt(np.append(sizes.waves(pattern.orders), COMMON_SHIFT**2))
 
 
 def _score(pattern: _Pattern, sizes: _Sizes) -> float:
     """Return the log of the marginal likelihood times the priors of the sizes."""
-    n = pattern.mean.size
-    # the factor of the covariance, and below it the misfit in its units: numpy alone solves no triangle
-    bordered = np.full((n + 1, n + 1), 1.0e300)  # its corner is above the square of any misfit
-    bordered[:n, :n], bordered[n, :n] = _marginal(pattern, sizes), pattern.mean
+    std, squares = _prior_std(pattern, sizes), pattern.squares(sizes.tooth)
+    # the factor of what the waves add to the covariance, and below it their share of the misfit: numpy alone solves no
+    # triangle
+    size = std.size
+    bordered = np.eye(size + 1)
+    bordered[:size, :size] += std[:, None] * squares[:size, :size] * std
+    bordered[size, :size] = squares[size, :size] * std
+    bordered[size, size] = 1.0e300  # above any square
     root = np.linalg.cholesky(bordered)
-    misfit = root[n, :n]
-    value = -0.5 * float(misfit @ misfit) - float(np.log(np.diag(root)[:n]).sum())
-    for size, (usual, spread) in ((sizes.tooth, TOOTH_STD), (sizes.ripple, RIPPLE_STD)):
-        value -= 0.5 * (np.log(size / usual) / spread) ** 2
+    told = root[size, :size]
+    value = -0.5 * (float(squares[size, size] - told @ told) + pattern.log_variance(sizes.tooth))
+    value -= float(np.log(np.diag(root)[:size]).sum())
+    for known, (usual, spread) in ((sizes.tooth, TOOTH_STD), (sizes.ripple, RIPPLE_STD)):
+        value -= 0.5 * (np.log(known / usual) / spread) ** 2
     return value
 
 
@@ -294,39 +329,39 @@ def _best_pair(pattern: _Pattern, own: tuple[tuple[int, float], ...]) -> _Sizes:
     return _Sizes(float(np.exp(centre[0])), float(np.exp(centre[1])), own)
 
 
-def _mixture(pattern: _Pattern, best: _Sizes) -> tuple[_Normal, _Normal]:
-    """Return places and waves averaged over all sizes that are probable: few teeth leave the sizes open."""
+def _mixture(pattern: _Pattern, best: _Sizes) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Return places and their variances, coefficients of waves and their covariance, over all sizes that are probable.
+
+    Few teeth leave the sizes open.
+    """
     trials = [
         replace(best, tooth=best.tooth * a, ripple=best.ripple * b) for a in np.exp(SPREAD) for b in np.exp(SPREAD[::2])
     ]
     scores = np.array([_score(pattern, trial) for trial in trials])
     weights = np.exp(scores - scores.max())
-    parts = [
-        (weight, *_posteriors(pattern, trial))
-        for weight, trial in zip(weights / weights.sum(), trials, strict=True)
-        if weight > LEAST_WEIGHT
-    ]
-    return _mixed([(part[0], part[1]) for part in parts]), _mixed([(part[0], part[2]) for part in parts])
-
-
-def _mixed(parts: list[tuple[float, _Normal]]) -> _Normal:
-    total = sum(weight for weight, _ in parts)
-    mean: Array = np.asarray(sum(weight * part.mean for weight, part in parts) / total)
-    spread = sum(weight * (part.covariance + np.outer(part.mean - mean, part.mean - mean)) for weight, part in parts)
-    return _Normal(mean, np.asarray(spread / total))
-
-
-def _posteriors(pattern: _Pattern, sizes: _Sizes) -> tuple[_Normal, _Normal]:
-    """Return places of the teeth and coefficients of the waves for given sizes."""
-    weight: Array = np.asarray(np.linalg.inv(_marginal(pattern, sizes)), dtype=np.float64)
-    tooth_prior = np.where(pattern.free, FREE_TOOTH, sizes.tooth) ** 2
-    return (
-        _posterior(pattern.which, tooth_prior, weight, pattern.mean),
-        _posterior(pattern.waves, sizes.waves(pattern.orders), weight, pattern.mean),
+    weights /= weights.sum()
+    kept = np.flatnonzero(weights > LEAST_WEIGHT)
+    parts = [_posteriors(pattern, trials[k]) for k in kept]
+    share = weights[kept] / weights[kept].sum()
+    teeth, waves = ([part[k] for part in parts] for k in (0, 1))
+    place, coefficient = (share @ [mean for mean, _ in both] for both in (teeth, waves))
+    variance = share @ [spread + (mean - place) ** 2 for mean, spread in teeth]
+    covariance = np.tensordot(
+        share, [spread + np.outer(mean - coefficient, mean - coefficient) for mean, spread in waves], 1
     )
+    return (place, variance), (coefficient, covariance)
 
 
-def _posterior(design: Array, prior: Array, weight: Array, data: Array) -> _Normal:
-    """Return parameters with independent priors of mean zero."""
-    gain = prior[:, None] * design.T @ weight
-    return _Normal(gain @ data, np.diag(prior) - gain @ design * prior)
+def _posteriors(pattern: _Pattern, sizes: _Sizes) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Return places of the teeth with their variances, and coefficients of the waves with their covariance."""
+    std, squares = _prior_std(pattern, sizes), pattern.squares(sizes.tooth)
+    size = std.size
+    told = np.eye(size) + std[:, None] * squares[:size, :size] * std
+    covariance = std[:, None] * np.linalg.inv(told) * std
+    mean = covariance @ squares[:size, size]
+    over = pattern.variance + pattern.times * sizes.tooth**2
+    beside = pattern.sums[:, :size] / over[:, None]
+    left = pattern.sums[:, size] / over - beside @ mean
+    sure = pattern.times / over - np.sum(beside @ covariance * beside, axis=1)
+    prior = np.where(pattern.free, FREE_TOOTH, sizes.tooth) ** 2
+    return (prior * left, prior - prior**2 * sure), (mean[:-1], covariance[:-1, :-1])
