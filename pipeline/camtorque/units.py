@@ -98,6 +98,13 @@ def angle_grid(n: int) -> Array:
     return np.asarray(np.arange(n) * (TURN / n), dtype=np.float64)
 
 
+def on_grid(values: Array, n: int) -> Array:
+    """Return a periodic signal (m,) on another uniform grid from the same zero, by its harmonics."""
+    if values.size == n:
+        return np.ascontiguousarray(values)
+    return np.asarray(np.fft.irfft(np.fft.rfft(values)[: n // 2 + 1], n) * (n / values.size))
+
+
 def closed(theta: Array, values: Array) -> tuple[Array, Array]:
     """Return angles (n,) [rad] and values (n,) of a revolution, the first repeated one revolution later, (n + 1,)."""
     return np.append(theta, theta[0] + TURN), np.append(values, values[0])

@@ -9,6 +9,7 @@ import pytest
 from align_truth import TWO_PI, Samples, Shaft, angle_error_deg, pressure_of, torque_of
 from camtorque.align import AlignOptions, align
 from camtorque.align.timebase import time_base
+from camtorque.fit.prepare import cam_swing, over_even_angle
 from camtorque.records import Refusal
 from camtorque.signal.inductive import find_crossings
 from wheel_truth import Wheel, index_volts, judged, pulse_channel, true_deviation, wheel_recording, wheel_volts
@@ -317,3 +318,24 @@ def test_side_of_the_trigger_is_told_in_the_budget(side: str, words: str) -> Non
 def test_a_log_of_less_than_a_turn_is_refused(wheel: Wheel):
     with pytest.raises(Refusal, match=r"the pulses cover [01]\.?\d* turns of the cam without a whole one"):
         align(wheel_recording(wheel))
+
+
+@pytest.mark.parametrize(("teeth", "missing"), [(60, 2), (360, 0)])
+def test_what_a_wheel_of_a_recording_saw_is_the_swing_of_its_shaft(teeth: int, missing: int):
+    shaft = Shaft(rpm=600.0, ripple=0.06, order=4, wander=0.0)
+    wheel = Wheel(shaft=shaft, teeth=teeth, missing=missing, index=not missing, error_deg=0.0)
+    recording = wheel_recording(wheel)
+    cycles = align(recording)
+    known = cam_swing(recording.config, cycles.details)
+    assert known is not None
+    assert 20 <= known.order <= 22
+    # the phase of the formula is the even angle but for where the turn begins
+    times = shaft.time_of(2.0 * np.pi * np.array([3.0, 4.0]))
+    truth = shaft.angle(times[0] + np.diff(times) * np.arange(1800) / 1800) - 6.0 * np.pi
+    theta = np.arange(1800) * TWO_PI / 1800
+    # a wheel's zero is known to a few hundredths of a degree
+    for found in (theta + known.told(1800)[0], known.cam(1800)):
+        assert found == pytest.approx(truth, abs=np.radians(0.06))
+    # the transducer's declared lag moves the curve, the swing would by ten times as much
+    assert over_even_angle(cycles.mean_torque, known) == pytest.approx(torque_of(truth), abs=0.25)
+    assert over_even_angle(cycles.mean_torque, None) != pytest.approx(torque_of(truth), abs=1.5)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from camtorque.fit.pair import angle_between, at_angle, pair_of
+from camtorque.records import DEVIATION
 from camtorque.units import DEGREE, angle_grid
 from fit_cases import quick_prepared
 
@@ -73,10 +74,10 @@ def test_each_recording_of_a_pair_turns_as_its_own_wheel_measured(side: str, mea
     one = quick_prepared(*KEY)
     recording, cycles = one.recording, one.cycles
     trigger = replace(recording.config.trigger, side=side)
-    turned = {**cycles.details, "angle_deviation": 0.01 * np.cos(2.0 * cycles.theta)}
+    turned = {**cycles.details, DEVIATION: 0.01 * np.cos(2.0 * cycles.theta)}
     wheel = replace(
         one, recording=replace(recording, config=replace(recording.config, trigger=trigger)),
         cycles=replace(cycles, details=turned),
     )  # fmt: skip
-    seen = [item.chain.deviation.size > 0 for item in pair_of(one, wheel, one.candidates[0]).items]
+    seen = [item.chain.swing is not None for item in pair_of(one, wheel, one.candidates[0]).items]
     assert seen == [False, measured]

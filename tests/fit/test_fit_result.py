@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from camtorque.fit import minima, planning
 from camtorque.fit import result as result_room
-from camtorque.fit.derived import carried, derived_estimates, model_on_grid, modelled, sureness, work_at
+from camtorque.fit.derived import carried, derived_estimates, model_of, modelled, on_cycles, sureness, work_at
 from camtorque.fit.descent import free_at
 from camtorque.fit.findings import (
     fit_findings,
@@ -88,7 +88,8 @@ def test_work_and_torque_by_cause_scatter_as_stated(fit):
     draws = fit.solution.z + rng.standard_normal((200, std.size)) @ root.T * std
     lifts = np.zeros(fit.solution.lift.coefficients(fit.solution.residual).size)
     means = (case.means.torque, case.means.pressure)
-    models = [modelled(fit.problem, z, 0, lifts, fit.measured, means) for z in draws]
+    n = case.means.torque.size
+    models = [on_cycles(modelled(fit.problem, z, 0, lifts, fit.measured, means), n) for z in draws]
     works = [work_at(fit.problem.data[0].chain, *fit.problem.values(z, 0)) for z in draws]
     for name in ("pressure", "friction", "damping", "driveline", "friction_and_damping"):
         assert np.std([work[name] for work in works]) == pytest.approx(stated_work[name], rel=0.2), name
@@ -218,13 +219,13 @@ def test_a_follower_that_rests_on_its_cam_without_a_force_has_not_left_it(fit, m
     law = section_law([rise, dwell(20.0 * DEGREE), fall, dwell(225.0 * DEGREE)])
 
     def unloaded(fit, torque, pressure):
-        model = model_on_grid(fit, torque, pressure)
+        model = model_of(fit, torque, pressure)
         theta = model.output.motion.theta
         pushed = np.where(law.evaluate(theta, 0) > 0.0, 2e7, base_pressure)
         output = replace(model.output, pressure=pushed)
         return replace(model, output=output, plunger_force=np.zeros(theta.size))
 
-    monkeypatch.setattr(result_room, "model_on_grid", unloaded)
+    monkeypatch.setattr(result_room, "model_of", unloaded)
     monkeypatch.setattr(result_room, "lift_law", lambda table: law)
     prepared = quick_prepared(*LAND)
     config = prepared.recording.config
@@ -238,11 +239,11 @@ def test_a_follower_that_rests_on_its_cam_without_a_force_has_not_left_it(fit, m
 
 def test_losses_close_to_no_percent_of_no_input(fit, monkeypatch):
     prepared = quick_prepared(*LAND)
-    fitted = model_on_grid(fit, prepared.means.torque, prepared.means.pressure)
+    fitted = model_of(fit, prepared.means.torque, prepared.means.pressure)
     monkeypatch.setattr(result_room, "drive_work", lambda chain, values: 0.0)
-    through = result_room._losses(fit, fitted, prepared.means)["input"]
+    through = result_room._losses(fit, fitted)["input"]
     monkeypatch.setattr(result_room, "drive_work", lambda chain, values: -through)
-    losses = result_room._losses(fit, fitted, prepared.means)
+    losses = result_room._losses(fit, fitted)
     assert losses["input"] == 0.0
     assert np.isnan(losses["closure_percent"])
 
@@ -450,8 +451,8 @@ def test_weights_know_scatter_and_the_admitted_model_error():
 def test_a_report_on_a_finer_grid_shows_the_model_that_was_fitted(fit):
     item = fit.problem.data[0]
     torque, pressure = item.chain.shaft_torque, item.chain.line_pressure
-    coarse = model_on_grid(fit, torque, pressure)
-    fine = model_on_grid(fit, on_grid(torque, 3600), on_grid(pressure, 3600))
+    coarse = model_of(fit, torque, pressure)
+    fine = on_cycles(model_of(fit, on_grid(torque, 3600), on_grid(pressure, 3600)), 3600)
     np.testing.assert_allclose(fine.output.pressure[::2], coarse.output.pressure, rtol=1e-9)
     np.testing.assert_allclose(fine.torque[::2], coarse.torque, atol=1e-6 * np.ptp(coarse.torque))
     middle = 0.5 * (coarse.torque + np.roll(coarse.torque, -1))

@@ -25,12 +25,27 @@ from camtorque.align.polarity import check_quantities
 from camtorque.align.quality import CycleTable, apply_cuts, changed_running, flat_top_findings, refuse_jitter
 from camtorque.align.summary import alignment_details
 from camtorque.align.timebase import TimeBase, settled_phase, silence_findings, time_base
-from camtorque.records import Array, CamCycles, CutFlowRow, Estimate, Finding, Integers, Mask, Recording, Refusal
+from camtorque.records import (
+    DEVIATION,
+    LEAD,
+    Array,
+    CamCycles,
+    CutFlowRow,
+    Estimate,
+    Finding,
+    Integers,
+    Mask,
+    Recording,
+    Refusal,
+)
 from camtorque.signal.logger_time import end_time
-from camtorque.signal.threshold import Threshold
+from camtorque.signal.threshold import Count, Threshold
 from camtorque.stacks import mean_of
 from camtorque.units import TURN, angle_grid, zone_hint
 
+LEAD_CYCLES = Count(
+    64, "cycles", "convention", "Cycles, spread over the recording, whose angle between pulses says how the cam leads."
+)
 LEAST_USED = Threshold(
     0.5, "1", "convention", "Share of the complete cycles below which the use of so few is reported."
 )
@@ -200,17 +215,24 @@ def _cam_cycles(
         ),
         trigger_jitter_s=base.edge_noise, findings=(*table.options.notes, *base.findings, *unseen),
         torque_delay=Estimate(delay.delay, delay.delay_std, delay.delay) if delay else Estimate(0.0, 0.0),
-        details={**alignment_details(base, aligned), **_deviation(angle, theta)},
+        details={**alignment_details(base, aligned), **_swing(angle, theta, table.index[chosen])},
         pulses={logger: trigger.edges.time for logger, trigger in base.triggers.items()},
     )  # fmt: skip
 
 
-def _deviation(angle: CamAngle, theta: Array) -> dict[str, Array]:
-    """Return how far the cam is ahead of even running over the grid, where several pulses per turn show it [rad]."""
+def _swing(angle: CamAngle, theta: Array, cycles: Integers) -> dict[str, Array]:
+    """Return how far the cam is ahead of even running over the grid, where several pulses per turn show it [rad].
+
+    The lead is that of the interpolated angle itself, in the mean of some cycles; the deviation is waves of low order.
+    """
     if angle.places is None:
         return {}
     deviation, std = angle.places.deviation(theta - angle.zero_step_angle)
-    return {"angle_deviation": deviation, "angle_deviation_std": std}
+    some = cycles[np.linspace(0, cycles.size - 1, min(cycles.size, LEAD_CYCLES)).astype(np.int64)]
+    borders = np.append(theta, TURN)
+    turns = angle.time_at(np.add.outer(some * TURN, borders).ravel()).reshape(some.size, -1)
+    even = (turns[:, :-1] - turns[:, :1]) / (turns[:, -1:] - turns[:, :1]) * TURN
+    return {DEVIATION: deviation, f"{DEVIATION}_std": std, LEAD: theta - np.mean(even, axis=0)}
 
 
 def _compacted(rows: Array, chosen: Integers) -> Array:

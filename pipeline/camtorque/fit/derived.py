@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from camtorque.fit.forecast import stroke_volume
-from camtorque.fit.prepare import on_grid
+from camtorque.fit.prepare import over_even_angle
 from camtorque.fit.problem import Problem
 from camtorque.fit.residual import parts_of_gap
 from camtorque.fit.single import Fit, FittedParameters
@@ -21,7 +21,7 @@ from camtorque.laws.chain import SHIFT_NAMES, ChainInput, ChainOutput, Motion, e
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.driveline import FOLLOWING, RIGID, SHAFT_NAMES, cam_side_inertia
 from camtorque.records import APART, TOGETHER, UNTOLD, Array, Estimate, ParameterEstimate, RigidTorque
-from camtorque.units import angle_grid
+from camtorque.units import TURN, angle_grid
 
 NOT_CARRIED = "lift_table"
 """The correction of the lift is no parameter of the fit."""
@@ -31,7 +31,7 @@ ANGLE, CHAMBER = "cam angle", "plunger pressure"
 
 @dataclass(frozen=True)
 class Modelled:
-    """The model of one recording on the grid of the cycles, for one pair of mean cycles."""
+    """The model of one recording for one pair of mean cycles, on the grid of the fit or of the cycles."""
 
     chain: ChainInput
     output: ChainOutput
@@ -42,11 +42,11 @@ class Modelled:
 
     @property
     def torque(self) -> Array:
-        """Model of the measured torque, (n_theta,) [N m]."""
+        """Model of the measured torque, (n,) [N m]."""
         return np.sum(list(self.by_cause.values()), axis=0)
 
 
-def model_on_grid(fit: Fit, torque: Array, pressure: Array) -> Modelled:
+def model_of(fit: Fit, torque: Array, pressure: Array) -> Modelled:
     """Return the model of a recording for mean cycles (n_theta,) of torque and pressure [N m, Pa]."""
     solution = fit.solution
     lifts = solution.lift.coefficients(solution.residual)
@@ -56,7 +56,7 @@ def model_on_grid(fit: Fit, torque: Array, pressure: Array) -> Modelled:
 def modelled(
     problem: Problem, z: Array, index: int, lifts: Array, measured: Array, means: tuple[Array, Array]
 ) -> Modelled:
-    """Return the model of one recording at free parameters z.
+    """Return the model of one recording at free parameters z, on the grid of the fit.
 
     Parameters
     ----------
@@ -64,34 +64,34 @@ def modelled(
     measured : mean torque on the grid of the fit [N m]
     means : mean cycles (n_theta,) of torque and pressure [N m, Pa]
     """
-    torque, pressure = means
     item = problem.data[index]
     values, coefficients = problem.values(z, index)
-    grid = item.chain.theta.size
+    torque, pressure = (over_even_angle(part, item.chain.swing) for part in means)
     lost = item.chain.shaft_torque - measured
-    chain = replace(item.chain, line_pressure=on_grid(pressure, grid), shaft_torque=on_grid(torque, grid) + lost)
+    chain = replace(item.chain, line_pressure=pressure, shaft_torque=torque + lost)
     output = evaluate(chain, values, coefficients, tangents=True)
     slope = item.lift_basis.correction(output.motion.theta, lifts, 1)
     cam, force = cam_torques(chain, values, output, coefficients, slope)
     by_cause = measured_torques(chain, values, cam, coefficients)
-    return _on_cycles(Modelled(chain, output, values, cam, by_cause, force), torque.size)
+    return Modelled(chain, output, values, cam, by_cause, force)
 
 
-def _on_cycles(model: Modelled, n: int) -> Modelled:
-    """Return a model on the grid of the cycles, straight between the points of the fit's grid.
+def on_cycles(model: Modelled, n: int) -> Modelled:
+    """Return a model over n cam angles, as the cycles have them, straight between the points of the fit's grid.
 
     It is not evaluated anew: a delivery valve that is near to chattering answers to the places of the time steps and to
     noise between the points, and the report would show another model than the one that was fitted.
     """
     chain, motion = model.chain, model.output.motion
-    if n == chain.theta.size:
+    if n == chain.theta.size and chain.swing is None:
         return model
 
     def at(values: Array) -> Array:
-        return resampled(values, n)
+        return at_cam_angles(chain, values, n)
 
+    even = angle_grid(n) if chain.swing is None else chain.swing.even(n)
     moved = Motion(
-        angle_grid(n) + at(motion.theta - chain.theta), at(motion.rate), at(motion.second), at(motion.lift.T).T,
+        even + at(motion.theta - chain.theta), at(motion.rate), at(motion.second), at(motion.lift.T).T,
         tuple(at(shift) for shift in motion.shifts),  # type: ignore[arg-type]
     )  # fmt: skip
     tangents = model.output.pressure_tangents
@@ -100,21 +100,21 @@ def _on_cycles(model: Modelled, n: int) -> Modelled:
         pressure_tangents=None if tangents is None else at(tangents), states=at(model.output.states),
         flows=at(model.output.flows),
     )  # fmt: skip
-    chain = replace(
+    over_cam = replace(
         chain, theta=angle_grid(n), line_pressure=at(chain.line_pressure), shaft_torque=at(chain.shaft_torque),
-        deviation=at(chain.deviation) if chain.deviation.size else chain.deviation,
-        substeps=np.zeros(0, dtype=np.int64),
+        swing=None, substeps=np.zeros(0, dtype=np.int64),
     )  # fmt: skip
     cam, by_cause = ({name: at(part) for name, part in parts.items()} for parts in (model.cam, model.by_cause))
-    return Modelled(chain, output, model.values, cam, by_cause, at(model.plunger_force))
+    return Modelled(over_cam, output, model.values, cam, by_cause, at(model.plunger_force))
 
 
-def resampled(values: Array, n: int) -> Array:
-    """Return periodic values (m, ...) on a grid of n angles, straight between their own."""
-    place = np.arange(n) * (values.shape[0] / n)
-    first = place.astype(np.int64)
+def at_cam_angles(chain: ChainInput, values: Array, n: int) -> Array:
+    """Return periodic values of a chain (m, ...) at n cam angles, straight between their own."""
+    size = values.shape[0]
+    place = np.arange(n) * (size / n) if chain.swing is None else chain.swing.even(n) * (size / TURN)
+    first = np.floor(place).astype(np.int64)
     share = (place - first).reshape(-1, *([1] * (values.ndim - 1)))
-    return np.asarray((1.0 - share) * values[first] + share * values[(first + 1) % values.shape[0]])
+    return np.asarray((1.0 - share) * values[first % size] + share * values[(first + 1) % size])
 
 
 def derived_estimates(fit: FittedParameters) -> tuple[ParameterEstimate, ...]:
@@ -256,7 +256,8 @@ def _both(
 def _parts(chain: ChainInput, rigid: RigidTorque, measured: Array) -> Array:
     """Return the weights (3, n) that average a curve of the fit's grid over the parts of the gap in `sureness`."""
     forward, fall, lowest = parts_of_gap(rigid, measured)
-    masks = [np.interp(chain.theta, rigid.theta, mask.astype(np.float64)) for mask in (forward, fall)]
-    masks.append(np.zeros(chain.theta.size))
-    masks[-1][np.argmin(np.abs(chain.theta - rigid.theta[lowest]))] = 1.0
+    cam = chain.theta if chain.swing is None else chain.swing.cam(chain.theta.size)
+    masks = [np.interp(cam, rigid.theta, mask.astype(np.float64), period=TURN) for mask in (forward, fall)]
+    masks.append(np.zeros(cam.size))
+    masks[-1][np.argmin(np.abs(cam - rigid.theta[lowest]))] = 1.0
     return np.array([mask / np.sum(mask) for mask in masks])

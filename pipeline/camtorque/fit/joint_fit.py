@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from camtorque.fit.arrow import Arrow, ArrowCovariance, arrow_inverse
-from camtorque.fit.derived import modelled
+from camtorque.fit.derived import modelled, on_cycles
 from camtorque.fit.evidence import Weighed, evidence_of, moves_of, prior_of, small_torque, where_unexplained
 from camtorque.fit.joint_input import JointInput
 from camtorque.fit.joint_solver import JointSolution, solve_many
@@ -140,7 +140,8 @@ def joint_recording(fit: JointFit, index: int, item: JointInput) -> JointRecordi
     means, problem, solution = item.means, fit.problem, fit.solution
 
     def torque(measured: Array, pressure: Array) -> Array:
-        return modelled(problem, solution.z, index, solution.lift[index], item.measured, (measured, pressure)).torque
+        model = modelled(problem, solution.z, index, solution.lift[index], item.measured, (measured, pressure))
+        return on_cycles(model, measured.size).torque
 
     fitted, held = torque(means.torque, means.pressure), torque(means.held_torque, means.held_pressure)
     found = metrics_of_fit(means, fitted, held, item.rigid_torque, item.lift, item.lift_velocity)

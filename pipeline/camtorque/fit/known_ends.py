@@ -18,6 +18,7 @@ import numpy as np
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.problem import END_NAMES, SPILL_NAMES
 from camtorque.laws.chain import ChainInput
+from camtorque.laws.swing import Swing
 from camtorque.records import Array, ReadOnly
 
 MATCH_WINDOW, MATCH_POINTS = 1.0e-3, 41
@@ -51,8 +52,7 @@ class Curve(ReadOnly):
     step : between the points of a file where it is loaded [rad], 0 for a recording
     points : (k,) angles of a file's points [rad], empty for a recording
     std : (n,) standard uncertainty of the pressure between the points [Pa], empty for a recording
-    deviation : (n,) cam angle less that of uniform running [rad] where a wheel on the cam measured it: ``theta`` is
-        then true cam angle; empty elsewhere
+    swing : of the cam within a turn where a wheel on it saw that: ``theta`` is then even angle
     """
 
     theta: Array
@@ -61,7 +61,7 @@ class Curve(ReadOnly):
     step: float = 0.0
     points: Array = field(default_factory=lambda: np.zeros(0))
     std: Array = field(default_factory=lambda: np.zeros(0))
-    deviation: Array = field(default_factory=lambda: np.zeros(0))
+    swing: Swing | None = None
 
     @property
     def fine_step(self) -> float:

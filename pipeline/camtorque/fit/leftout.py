@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from camtorque.fit.derived import modelled
+from camtorque.fit.derived import modelled, on_cycles
 from camtorque.fit.descent import Effort, free_at
 from camtorque.fit.endings import endings_of, load_for
 from camtorque.fit.forecast import values_of
@@ -241,7 +241,8 @@ def _prediction(item: JointInput, data: FitData, held: Mapping[str, float], mode
     problem = build_problem([data], held)
     z = solve(problem, None, Effort(20)).z if problem.size else np.zeros(0)
     means = item.means
-    torque = modelled(problem, z, 0, lift, item.measured, (means.held_torque, means.held_pressure)).torque
+    model = modelled(problem, z, 0, lift, item.measured, (means.held_torque, means.held_pressure))
+    torque = on_cycles(model, means.held_torque.size).torque
     prior = item.data.rows["torque_zero"].prior
     zero_unknown = prior is None or prior[1] > ZERO_SPREAD_SHARE * float(np.max(means.torque_all))
     if mode == "blind" and zero_unknown:

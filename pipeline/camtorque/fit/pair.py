@@ -14,14 +14,15 @@ from typing import Any
 import numpy as np
 
 from camtorque.fit.minima import Candidate
-from camtorque.fit.prepare import INDEPENDENT, binned_at_centres, cam_deviation, on_grid
+from camtorque.fit.prepare import INDEPENDENT, cam_swing, over_even_angle
 from camtorque.fit.problem import FitData
 from camtorque.fit.residual import mean_square_about
 from camtorque.fit.rig_rows import zero_rows
 from camtorque.fit.single import Prepared
 from camtorque.fit.solver import lift_at
 from camtorque.laws import ripple
-from camtorque.laws.chain import BINS, COLUMN_NAMES, coefficients_of, derivative_by, evaluate
+from camtorque.laws.chain import BINS, COLUMN_NAMES, binned, coefficients_of, derivative_by, evaluate
+from camtorque.laws.swing import Swing
 from camtorque.process.second_process import in_two
 from camtorque.records import Array, CamCycles, ReadOnly
 
@@ -146,7 +147,7 @@ def pair_of(before: Prepared, after: Prepared, start: Candidate) -> TwoRecording
     """Return two recordings of one speed in the structure of one of the minima of the first, not weighed yet."""
     # what the transducer did not see lies where the torque does, also where a trigger stands elsewhere
     lost = start.data.chain.shaft_torque - before.measured
-    angle = angle_between(*(on_grid(_mean_torque(side), lost.size) for side in (before, after)))
+    angle = angle_between(*(over_even_angle(_mean_torque(side), _swing(side)) for side in (before, after)))
     items = _item(before, start.data, lost), _item(after, start.data, at_angle(lost, angle))
     problem = start.problem
     names = tuple(parameter.row.name for parameter in problem.parameters)
@@ -223,16 +224,18 @@ def root_of(covariance: Array) -> Array:
 
 
 def _item(side: Prepared, data: FitData, lost: Array) -> FitData:
-    cycles, torque = side.cycles, _mean_torque(side)
-    n = data.chain.theta.size
-    turned = cam_deviation(side.recording.config, cycles.details.get("angle_deviation"))
+    cycles, swing = side.cycles, _swing(side)
+    torque, pressure = (over_even_angle(part, swing) for part in (_mean_torque(side), np.mean(cycles.pressure, axis=0)))
     chain = replace(
-        data.chain, speed=cycles.mean_speed, line_pressure=on_grid(np.mean(cycles.pressure, axis=0), n),
-        shaft_torque=on_grid(torque, n) + lost, deviation=on_grid(turned, n) if turned.size else turned,
+        data.chain, speed=cycles.mean_speed, line_pressure=pressure, shaft_torque=torque + lost, swing=swing,
         trigger_angle=side.recording.config.trigger.nominal_angle,
     )  # fmt: skip
     rows = {**data.rows, **zero_rows(side.recording, cycles)}
-    return replace(data, name=side.recording.config.id, chain=chain, torque=binned_at_centres(torque), rows=rows)
+    return replace(data, name=side.recording.config.id, chain=chain, torque=binned(torque), rows=rows)
+
+
+def _swing(side: Prepared) -> Swing | None:
+    return cam_swing(side.recording.config, side.cycles.details)
 
 
 def _mean_torque(side: Prepared) -> Array:
@@ -249,14 +252,13 @@ def mean_scatter(cycles: CamCycles, item: FitData, values: Mapping[str, float], 
     its own ``own`` parameters there too.
     """
     assert cycles.torque is not None
-    n = item.chain.theta.size
-    linear = coefficients_of(values)
+    swing, linear = item.chain.swing, coefficients_of(values)
     blocks = np.array_split(np.arange(cycles.speed.size), min(MOST_BLOCKS, cycles.speed.size))
     each = []
     for block in blocks:
-        pressure = on_grid(np.mean(cycles.pressure[block], axis=0), n)
+        pressure = over_even_angle(np.mean(cycles.pressure[block], axis=0), swing)
         output = evaluate(replace(item.chain, line_pressure=pressure), values)
-        torque = binned_at_centres(np.mean(cycles.torque[block], axis=0))
+        torque = binned(over_even_angle(np.mean(cycles.torque[block], axis=0), swing))
         each.append(torque - output.torque - output.linear @ linear)
     apart = np.array(each) - np.mean(each, axis=0)
     count = apart.shape[0]

@@ -7,7 +7,9 @@ a revolution: between both halves of the base circle its phase and size differ.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -17,11 +19,12 @@ from camtorque.fit.rig_rows import loaded_rows, rig_rows
 from camtorque.laws.chain import BINS, ChainInput, binned
 from camtorque.laws.lift import lift_correction
 from camtorque.laws.ripple import waves
+from camtorque.laws.swing import Swing, swing_of
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.load_check import on_base
-from camtorque.records import Array, CamCycles, CamTable, ReadOnly, Recording, Refusal
+from camtorque.records import DEVIATION, LEAD, Array, CamCycles, CamTable, ReadOnly, Recording, Refusal
 from camtorque.stacks import mean_of
-from camtorque.units import DEGREE, angle_grid, counted
+from camtorque.units import DEGREE, angle_grid, counted, on_grid
 
 FIT_GRID = 1800
 """Points per revolution of the model, whatever the grid of the cycles: 0.2 degrees."""
@@ -108,16 +111,18 @@ def bin_weights(torque: Array, scatter: float, count: int = 1) -> Array:
     return 1.0 / np.sqrt((scatter**2 + count * law_variance(torque)) * BINS / INDEPENDENT)
 
 
-def on_grid(values: Array, n: int) -> Array:
-    """Return a periodic signal (m,) on another uniform grid from the same zero, by its harmonics."""
-    if values.size == n:
-        return np.ascontiguousarray(values)
-    return np.asarray(np.fft.irfft(np.fft.rfft(values)[: n // 2 + 1], n) * (n / values.size))
+def cam_swing(config: RecordingConfig, details: Mapping[str, Any]) -> Swing | None:
+    """Return what a wheel saw of the cam's swing by details of an alignment, None where it is not on the cam."""
+    waves = details.get(DEVIATION)
+    if waves is None or config.trigger.side == "motor":
+        return None
+    waves = np.asarray(waves, dtype=np.float64)
+    return swing_of(np.asarray(details.get(LEAD, waves), dtype=np.float64), waves)
 
 
-def cam_deviation(config: RecordingConfig, turned: Array | None) -> Array:
-    """Return what a wheel ``turned`` ahead of uniform running (n_theta,) [rad]; empty where it is not on the cam."""
-    return np.zeros(0) if turned is None or config.trigger.side == "motor" else np.asarray(turned, dtype=np.float64)
+def over_even_angle(values: Array, swing: Swing | None) -> Array:
+    """Return a mean cycle (n_theta,) as the chain takes it, over even angle, (FIT_GRID,)."""
+    return on_grid(values if swing is None else swing.evened(values), FIT_GRID)
 
 
 def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, means: MeanCycles) -> FitData:
@@ -130,29 +135,24 @@ def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, means: MeanCy
     rows = loaded_rows(rig_rows(config, law, torque_sheet, pressure_sheet, cycles), law, cycles, means.torque)
     step = float(np.median(np.diff(table.theta)))
     basis = lift_correction(cycles.theta, law.evaluate(cycles.theta, 0), table.resolution, law.lift_std, step)
-    turned = cam_deviation(config, cycles.details.get("angle_deviation"))
+    swing = cam_swing(config, cycles.details)
+    torque, pressure = (over_even_angle(part, swing) for part in (means.torque, means.pressure))
     chain = ChainInput(
-        deviation=on_grid(turned, FIT_GRID) if turned.size else turned,
-        theta=angle_grid(FIT_GRID), speed=cycles.mean_speed, line_pressure=on_grid(means.pressure, FIT_GRID),
-        shaft_torque=on_grid(means.torque, FIT_GRID), trigger_angle=config.trigger.nominal_angle, pump=config.pump,
-        law=law, offset=config.pump.follower_offset * config.rotation, low_pass_order=torque_sheet.filter_order,
+        theta=angle_grid(FIT_GRID), speed=cycles.mean_speed, line_pressure=pressure, shaft_torque=torque,
+        trigger_angle=config.trigger.nominal_angle, pump=config.pump, law=law,
+        offset=config.pump.follower_offset * config.rotation, low_pass_order=torque_sheet.filter_order, swing=swing,
         ripple_order=repeated_order(on_grid(means.torque, FIT_GRID), law.evaluate(angle_grid(FIT_GRID), 0)),
     )  # fmt: skip
-    centred = binned_at_centres(means.torque)
+    centred = binned(torque)
     weight = bin_weights(centred, means.scatter_of_mean)
     return FitData(config.id, chain, centred, weight, "land", rows, basis, config.measures_chamber)
 
 
 def other_half(data: FitData, means: MeanCycles) -> FitData:
     """Return a recording of `fit_data` with the cycles that are held out in place of those that are fitted."""
-    torque, pressure = (on_grid(part, FIT_GRID) for part in (means.held_torque, means.held_pressure))
-    chain = replace(data.chain, line_pressure=pressure, shaft_torque=torque)
-    return replace(data, torque=binned_at_centres(means.held_torque), chain=chain)
-
-
-def binned_at_centres(values: Array) -> Array:
-    """Return the mean over each bin of a periodic signal on any grid, (BINS,)."""
-    return binned(on_grid(values, FIT_GRID))
+    swing = data.chain.swing
+    torque, pressure = (over_even_angle(part, swing) for part in (means.held_torque, means.held_pressure))
+    return replace(data, torque=binned(torque), chain=replace(data.chain, line_pressure=pressure, shaft_torque=torque))
 
 
 def repeated_order(torque: Array, lift: Array) -> int:

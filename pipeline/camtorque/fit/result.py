@@ -6,7 +6,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from camtorque.fit.derived import Modelled, delivered_volume, derived_estimates, model_on_grid, resampled, sureness
+from camtorque.fit.derived import (
+    Modelled,
+    at_cam_angles,
+    delivered_volume,
+    derived_estimates,
+    model_of,
+    on_cycles,
+    sureness,
+)
 from camtorque.fit.findings import (
     fit_findings,
     frictionless_findings,
@@ -67,8 +75,10 @@ def fitted_torque(
     fit: Fit, recording: Recording, cycles: CamCycles, rigid: RigidTorque, means: MeanCycles
 ) -> FittedTorque:
     """Return the record of a fit."""
-    fitted = model_on_grid(fit, means.torque, means.pressure)
-    held = model_on_grid(fit, means.held_torque, means.held_pressure)
+    even, held_even = (
+        model_of(fit, *pair) for pair in ((means.torque, means.pressure), (means.held_torque, means.held_pressure))
+    )
+    fitted, held = (on_cycles(model, cycles.theta.size) for model in (even, held_even))
     parameters = parameter_estimates(fit)
     config = recording.config
     smooth = lift_law(recording.cam_table)  # curvature and Hertz stress need the smoother law
@@ -98,7 +108,7 @@ def fitted_torque(
         torque=fitted.torque, torque_held_out=held.torque, by_cause=fitted.by_cause, chamber_pressure=chamber,
         chamber_pressure_std=None if stds is None else stds[0], chamber_peak=_chamber_peak(fitted, stds),
         chamber_return_start=return_start(fitted, stds), true_angle=motion.theta, forces=forces,
-        contact_lost=bool(np.any(lost)), losses=_losses(fit, fitted, means),
+        contact_lost=bool(np.any(lost)), losses=_losses(fit, even),
         losses_stderr=losses_stderr, gap_stderr=gap_stderr,
         metrics=metrics_of_fit(means, fitted.torque, held.torque, rigid.torque, rigid.lift, rigid.lift_velocity),
         trigger_angle=trigger,
@@ -169,12 +179,12 @@ def _details(fit: Fit, recording: Recording, peak: float) -> dict[str, object]:
     }  # fmt: skip
 
 
-def _losses(fit: Fit, fitted: Modelled, means: MeanCycles) -> dict[str, float]:
+def _losses(fit: Fit, fitted: Modelled) -> dict[str, float]:
     """Return work per revolution by cause [J], the input and how well they close."""
     work = work_per_revolution(fitted.chain, fitted.values, fitted.output, fitted.cam)
     _, coefficients = fit.problem.values(fit.solution.z, 0)
     felt = sum(float(np.mean(fitted.cam[name])) for name in ON_BRIDGE_ALONE)
-    mean = float(np.mean(means.torque)) - float(coefficients[COLUMN_NAMES.index("torque_zero")]) - felt
+    mean = float(np.mean(fit.problem.data[0].torque)) - float(coefficients[COLUMN_NAMES.index("torque_zero")]) - felt
     total = 2.0 * np.pi * mean + drive_work(fitted.chain, fitted.values)
     closure = 100.0 * (total - sum(work.values())) / total if total else float("nan")
     return {**work, "input": total, "closure_percent": closure}
@@ -189,7 +199,7 @@ def pressure_stds(fit: Fit, fitted: Modelled) -> Array | None:
     variance = np.einsum("ij,jk,ik->i", jacobian, fit.deviation[np.ix_(own, own)], jacobian)
     statistical = variance
     for shift in fit.pressure_shifts:
-        variance = variance + resampled(shift, variance.size) ** 2
+        variance = variance + at_cam_angles(fit.problem.data[0].chain, shift, variance.size) ** 2
     gain = fit.pressure_gain_std * fitted.output.pressure
     variance = variance + gain**2 + unresolved_amplitude(fitted.output, fitted.chain.line_pressure) ** 2
     found = (np.sqrt(np.maximum(part, 0.0)) for part in (variance, statistical))

@@ -18,7 +18,7 @@ from itertools import islice
 
 import numpy as np
 
-from camtorque.fit.prepare import INDEPENDENT, on_grid
+from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import FitData, Problem, build_problem, in_structure, started_at, with_starts
 from camtorque.fit.solver import LiftModes, Trial, approach, lift_at, no_lift, output_at, smoother, try_at
 from camtorque.laws.chain import ChainOutput, evaluate, with_substeps, with_transfer
@@ -26,7 +26,7 @@ from camtorque.laws.chamber import integrate
 from camtorque.laws.driveline import HALF_NAMES
 from camtorque.process.second_process import in_two
 from camtorque.records import Array
-from camtorque.units import DEGREE, angle_grid
+from camtorque.units import DEGREE, angle_grid, on_grid
 
 SEARCH_GRID = 600
 CORE = (
@@ -133,7 +133,6 @@ def coarse(data: FitData, grid: int = SEARCH_GRID) -> FitData:
     return replace(data, chain=replace(
         chain, theta=angle_grid(grid), line_pressure=on_grid(chain.line_pressure, grid),
         shaft_torque=on_grid(chain.shaft_torque, grid), substeps=np.zeros(0, dtype=np.int64),
-        deviation=on_grid(chain.deviation, grid) if chain.deviation.size else chain.deviation,
     ))  # fmt: skip
 
 

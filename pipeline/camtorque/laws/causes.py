@@ -101,20 +101,11 @@ def work_per_revolution(
 
     That of the driveline is what the torque does on all that turns the cam against the uniform angle, -T dpsi.
     """
-    advance = _turning(data, output)
+    advance = output.motion.rate / data.speed
     work = {name: float(2.0 * np.pi * np.mean(torque * advance)) for name, torque in torques.items()}
     groups = {group: sum(work[name] for name in names) for group, names in LOSS_GROUPS.items()}
     driveline = -2.0 * np.pi * float(np.mean(data.shaft_torque * (advance - 1.0)))
     return {**groups, "driveline": driveline + drive_work(data, values)}
-
-
-def _turning(data: ChainInput, output: ChainOutput) -> Array:
-    """Return how far the cam turns per angle of the grid, (n,): what a wheel measured of it is in the grid already."""
-    turning = output.motion.rate / data.speed
-    if data.deviation.size:
-        spectrum = np.fft.rfft(data.deviation)
-        turning = turning - np.fft.irfft(1j * np.arange(spectrum.size) * spectrum, data.theta.size)
-    return np.asarray(turning)
 
 
 def drive_work(data: ChainInput, values: Mapping[str, float]) -> float:
@@ -122,10 +113,12 @@ def drive_work(data: ChainInput, values: Mapping[str, float]) -> float:
 
     Mean torque times 2 pi is the work past a transducer that turns evenly. Where drive and coupling give way under load
     it is less by this, which nothing between transducer and cam takes. By Parseval, with psi_k = -C_k T_k of the two.
+    What a wheel told of the swing is taken for the drive's: it does not say which part of the driveline gives way.
     """
     alone = dict.fromkeys(("shaft_compliance", "half_inertia"), 0.0)
     rolled = data.twist.spectrum
     torque = np.fft.rfft(data.shaft_torque)[: rolled.size]
     yielding = drive_response(data, {**values, **alone}, tangents=False)[: rolled.size, 0]
     swing = -1j * np.arange(rolled.size) * rolled * yielding
-    return 4.0 * np.pi / data.theta.size**2 * float(np.sum((np.conj(torque) * swing).real))
+    told = 0.0 if data.swing is None else 2.0 * np.pi * float(np.mean(data.shaft_torque * data.told[1]))
+    return told + 4.0 * np.pi / data.theta.size**2 * float(np.sum((np.conj(torque) * swing).real))

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from camtorque.config import PumpData
 from camtorque.laws import LINEAR_NAMES, ON_BRIDGE, chamber, driveline, ripple, sensor
 from camtorque.laws.chamber import NO_PATH
+from camtorque.laws.swing import Swing
 from camtorque.laws.torque import bin_restoring, bin_taps, binned_by, torque_columns, torque_tangents
 from camtorque.mechanism.friction import NO_FRICTION
 from camtorque.mechanism.mounting import Mounting
@@ -47,8 +48,6 @@ BRIDGE = np.array([False, *ON_BRIDGE])
 """Which of the torque without linear parameters and its columns the bridge alone feels."""
 GAIN_PLACE = NONLINEAR_NAMES.index("gain_error")
 assert GAIN_PLACE == len(NONLINEAR_NAMES) - 1 == NONLINEAR_NAMES.index("guide_friction") + 1
-SEEN_ORDER = 1.0e-9
-"""Least share of the largest harmonic that is no rounding."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +56,7 @@ class ChainInput(ReadOnly):
 
     Attributes
     ----------
-    theta : (n,) uniform nominal cam angle from 0 [rad]
+    theta : (n,) uniform nominal cam angle from 0 [rad], even angle where a ``swing`` is known
     speed : mean cam speed [rad/s]
     line_pressure : (n,) mean cycle [Pa]
     shaft_torque : (n,) mean cycle that twists the shaft [N m]
@@ -66,10 +65,9 @@ class ChainInput(ReadOnly):
     offset : follower offset as the cam sees it in its direction of running [m]
     uses_chamber : False feeds the line pressure to the plunger, as the source paper does
     substeps : (n,) time steps of the chamber per grid step
-    deviation : (n,) cam angle less the angle of uniform running [rad] where a wheel on the cam measured it: the grid is
-        then true cam angle up to the highest order that the wheel sees, and twist is rebuilt above it only; empty where
-        one pulse a revolution tells nothing of it
+    swing : of the cam within a turn, where a wheel on it saw that: twist is rebuilt above its orders only
     ripple_order : times a revolution that the drive repeats a torque, 0 for none
+    told : (3, n) of the swing, with two derivatives by the even angle [rad]; else (3, 0)
     in_signal : (BINS, 3) columns of the torque's zero and of that ripple
     """
 
@@ -84,20 +82,22 @@ class ChainInput(ReadOnly):
     uses_chamber: bool = True
     low_pass_order: int = 0
     substeps: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    deviation: Array = field(default_factory=lambda: np.zeros(0))
+    swing: Swing | None = None
     ripple_order: int = 0
     twist: driveline.TwistBasis = field(init=False)
+    told: Array = field(init=False)
     top_lift: float = field(init=False)
     top_angle: float = field(init=False)
     constants: Constants = field(init=False)
     in_signal: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        seen, lift = highest_order(self.deviation), self.law.evaluate(self.theta, 0)
+        lift, swing = self.law.evaluate(self.theta, 0), self.swing
+        seen, told = (swing.order, swing.told(self.theta.size)) if swing else (0, np.zeros((3, 0)))
         pump = replace(self.pump, follower_offset=self.offset)
         waves = ripple.binned_waves(self.ripple_order, BINS, self.theta.size)
         made = {
-            "twist": driveline.twist_basis(self.shaft_torque, self.speed, self.trigger_angle, seen),
+            "twist": driveline.twist_basis(self.shaft_torque, self.speed, self.trigger_angle, seen), "told": told,
             "top_lift": float(np.max(lift)), "top_angle": float(self.theta[np.argmax(lift)]),
             "substeps": self.substeps if self.substeps.size else np.ones(self.theta.size, dtype=np.int64),
             "constants": constants_of(pump, Mounting(), NO_FRICTION)._replace(cam_inertia=0.0),
@@ -156,14 +156,6 @@ class ChainOutput:
     spectra: NDArray[np.complex128]
 
 
-def highest_order(deviation: Array) -> int:
-    """Return the highest order in a measured deviation of the angle (n,), 0 where none was measured."""
-    if not deviation.size:
-        return 0
-    spectrum = np.abs(np.fft.rfft(deviation))
-    return int(np.max(np.flatnonzero(spectrum > SEEN_ORDER * np.max(spectrum)), initial=0))
-
-
 def drive_response(
     data: ChainInput, values: Mapping[str, float], tangents: bool = True, n_points: int = BINS
 ) -> NDArray[np.complex128]:
@@ -181,12 +173,9 @@ def cam_motion(data: ChainInput, values: Mapping[str, float], response: NDArray[
     ``response`` is that of `drive_response`.
     """
     moved = driveline.angle_shifts(data.twist, response)
-    if data.deviation.size:
-        # the grid has the measured part in it already: it moves no angle, only its rates
-        spectrum = np.fft.rfft(data.deviation)
-        harmonic = np.arange(spectrum.size)
-        for order, part in enumerate(moved[1:], 1):
-            part[:, 0] += np.fft.irfft(spectrum * (1j * harmonic) ** order, data.theta.size)
+    if data.swing is not None:
+        for part, told in zip(moved, data.told, strict=True):
+            part[:, 0] += told
     theta = data.theta + values["trigger_offset"] + moved[0][:, 0]
     lift = np.asarray(data.law.compiled_derivatives(theta, 3))
     rate, second = data.speed * (1.0 + moved[1][:, 0]), data.speed**2 * moved[2][:, 0]

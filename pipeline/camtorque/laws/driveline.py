@@ -121,6 +121,7 @@ def twist_basis(shaft_torque: Array, speed: float, trigger_angle: float, seen: i
     spectrum[: seen + 1] = 0.0
     phase = np.exp(1j * np.arange(omega.size) * trigger_angle)
     phase[1:] *= 2.0
+    phase *= seen == 0  # a wheel has its zero from all of its teeth, not from one edge
     return TwistBasis(spectrum, omega, shaft_torque.size, phase)
 
 

@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 from camtorque.records.base import Array, Estimate, Finding, Mask, ReadOnly
 from camtorque.stacks import mean_of, std_of
 
+DEVIATION, LEAD = "angle_deviation", "angle_lead"
+"""Details of an alignment by a wheel: how far the cam is ahead of even running, as waves and as it was interpolated."""
+
 
 @dataclass(frozen=True)
 class CutFlowRow:

@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 
 from camtorque.config.quantities import CHANNEL_QUANTITIES
-from camtorque.records import CamCycles, Forces, Recording
+from camtorque.records import DEVIATION, LEAD, CamCycles, Forces, Recording
 from camtorque.report.files import atomic_file
 from camtorque.report.folder import reserve
 from camtorque.stacks import pieces
@@ -92,12 +92,13 @@ def _root_attributes(file: h5py.File, recording: Recording) -> None:
 def aligned_variables(cycles: CamCycles) -> list[Variable]:
     """Return the aligned cycles and their mean, without a model."""
     role = np.where(cycles.held_out, b"held_out", b"fitted")
-    ahead, std = (cycles.details.get(f"angle_deviation{end}") for end in ("", "_std"))
+    ahead, std, lead = (cycles.details.get(name) for name in (DEVIATION, f"{DEVIATION}_std", LEAD))
     rows = [
         Variable("cycles/role", role, "1", "fitted cycles make the model, held-out ones score it"),
         Variable("cycles/speed", cycles.speed, "rad/s", "mean cam speed of the cycle"),
-        Variable("mean/angle_deviation", ahead, "rad", "measured angle ahead of even running within the revolution"),
-        Variable("mean/angle_deviation_std", std, "rad", "standard uncertainty of the measured angle deviation"),
+        Variable(f"mean/{DEVIATION}", ahead, "rad", "measured angle ahead of even running within the revolution"),
+        Variable(f"mean/{DEVIATION}_std", std, "rad", "standard uncertainty of the measured angle deviation"),
+        Variable(f"mean/{LEAD}", lead, "rad", "the same between the pulses as theta was interpolated"),
         *_others(cycles),
     ]
     if cycles.pressure.size:

@@ -1,0 +1,74 @@
+"""What a wheel on the camshaft saw of the cam's swing within a turn.
+
+Shaft, transducer and chamber act over time: where the speed swings by a tenth within a turn, a filter over cam angle is
+none. The chain therefore works over the even angle, which is time by the mean speed, as it does after one pulse a turn;
+there the wheel says where the cam is. Curves over cam angle come there, and back, on the way of the alignment itself:
+what it did between two teeth drops out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from camtorque.records import Array, ReadOnly
+from camtorque.units import TURN, angle_grid, on_grid
+
+FINER = 8
+"""Points between which a straight line is drawn, per point of a curve: its orders below a tenth of them keep 0.1 %."""
+TOLD = 0.75
+"""Share of the orders of a wheel up to which its teeth tell them apart from what is too fast for them."""
+ROUNDING = 1.0e-9
+"""Share of the largest harmonic below which one is rounding."""
+
+
+@dataclass(frozen=True)
+class Swing(ReadOnly):
+    """The cam against even running.
+
+    Attributes
+    ----------
+    lead : (n,) cam angle less the even angle at which the cam passes it, as the alignment has it over cam angle [rad]
+    waves : (n,) the same of low orders alone, which a gap in the wheel does not bend [rad]
+    order : highest order that is told
+    """
+
+    lead: Array
+    waves: Array
+    order: int
+
+    def even(self, n: int) -> Array:
+        """Return the even angle at each of n cam angles of a revolution, as the alignment has them [rad]."""
+        return angle_grid(n) - on_grid(self.lead, n)
+
+    def cam(self, n: int) -> Array:
+        """Return the cam angle, as the alignment has it, at each of n even angles of a revolution [rad]."""
+        return angle_grid(n) + _over_even(self.lead, n)
+
+    def told(self, n: int) -> Array:
+        """Return what is told of the cam angle less the even angle, and two derivatives, over even angle, (3, n)."""
+        harmonic = np.arange(n // 2 + 1)
+        spectrum = np.where(harmonic <= self.order, np.fft.rfft(_over_even(self.waves, n)), 0.0)
+        return np.fft.irfft([spectrum * (1j * harmonic) ** power for power in range(3)], n)
+
+    def evened(self, values: Array) -> Array:
+        """Return a curve over cam angle (n,) over even angle, (n,)."""
+        fine = on_grid(values, FINER * values.size)
+        return np.interp(self.cam(values.size), angle_grid(fine.size), fine, period=TURN)
+
+
+def _over_even(lead: Array, n: int) -> Array:
+    """Return how far the cam is ahead over cam angle (m,) at n even angles [rad]."""
+    fine = on_grid(lead, max(n, lead.size))
+    return np.asarray(np.interp(angle_grid(n), angle_grid(fine.size) - fine, fine, period=TURN))
+
+
+def swing_of(lead: Array, waves: Array) -> Swing:
+    """Return the swing of a turn by how far the cam is ahead over cam angle, and by the waves of that, (n,) [rad].
+
+    Where a turn begins the lead is zero, the waves are zero in the mean.
+    """
+    spectrum = np.abs(np.fft.rfft(waves))
+    highest = int(np.max(np.flatnonzero(spectrum > ROUNDING * np.max(spectrum)), initial=0))
+    return Swing(lead, waves + np.mean(lead - waves), int(TOLD * highest))
