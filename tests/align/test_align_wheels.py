@@ -54,6 +54,20 @@ def test_two_teeth_at_a_part_of_a_revolution_are_a_wheel_with_missing_teeth() ->
         assert abs(angle_error_deg(cycles.torque, torque_of, cycles.theta)) < 0.2
 
 
+@pytest.mark.parametrize(
+    "wheel",
+    [Wheel(teeth=6, missing=4, error_deg=0.0), Wheel(teeth=2, missing=0, index=True, index_at=0.0, error_deg=0.0)],
+)
+def test_pulses_too_few_for_the_speed_do_not_bend_the_cam_angle(wheel: Wheel) -> None:
+    """What they see of the swing of the shaft a fit rebuilds from the torque: it would be corrected twice."""
+    found = align(wheel_recording(wheel))
+    (told,) = (finding for finding in found.findings if finding.code == "few_teeth")
+    assert "2 pulses per turn of the cam do not show how the speed varies within it, 4 or more do" in told.text
+    assert "ripple_unseen" in {finding.code for finding in found.findings}
+    alone = align(wheel_recording(replace(wheel, teeth=1, missing=0, index=False)))
+    assert np.sqrt(np.mean((found.mean_torque - alone.mean_torque) ** 2)) < 0.002 * np.ptp(alone.mean_torque)
+
+
 @pytest.mark.parametrize("name", ["60-2", "36-2 inductive", "60 and index", "four lobes"])
 def test_deviation_from_even_running_is_handed_on_with_its_error(name: str) -> None:
     errors, stated = [], []

@@ -125,7 +125,7 @@ def _encoder(recording: Recording, channel: Channel, options: AlignOptions) -> T
     every = max(1, -(-spec.pulses_per_cycle // MOST_PULSES))
     while spec.pulses_per_cycle % every:
         every += 1
-    return TriggerTrain(channel, edges, _thinned(train, every), spec.pulses_per_cycle // every, findings)
+    return TriggerTrain(channel, edges, thinned(train, every), spec.pulses_per_cycle // every, findings)
 
 
 def _forward_only(a: Edges, b: Edges, where: str) -> tuple[Array, tuple[Finding, ...]]:
@@ -153,14 +153,15 @@ def _level_of(b: Edges, time: Array) -> Integers:
     return np.where(rise > fall, 1, -1)
 
 
-def _thinned(train: PulseTrain, every: int) -> PulseTrain:
-    """Return every n-th pulse, the one of step zero among them."""
+def thinned(train: PulseTrain, every: int) -> PulseTrain:
+    """Return every n-th pulse, the one of step zero among them; clocks jump between what is kept where they did."""
     if every == 1:
         return train
     kept = train.step % every == 0
     return replace(
         train, time=train.time[kept], step=train.step[kept] // every, repaired=train.repaired[kept],
         broken=broken_before(train.broken, kept), offset=train.offset / every, offset_std=train.offset_std / every,
+        jumped=None if train.jumped is None else broken_before(train.jumped, kept),
     )  # fmt: skip
 
 
