@@ -1,5 +1,6 @@
 """A slow channel beside fast ones in one table: its value stands in one row in so many, the cells between are blank."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ from camtorque.config import ChannelSpec
 from camtorque.ingest import table_rows
 from camtorque.ingest.check import summarise
 from camtorque.ingest.csv_log import channels, read
+from camtorque.ingest.raw import ArraySource
 from camtorque.ingest.recording import read_recording
 from camtorque.records import Refusal
 from damaged.logs import Plan, clean_log, write_folder
@@ -54,6 +56,19 @@ def test_values_between_its_rows_are_no_slow_channel(tmp_path: Path):
     file = table(tmp_path, "times", stray=3)
     with pytest.raises(Refusal, match=r"time stamps say 20000 Hz, recording.toml says 400 Hz; correct the one"):
         read(file, specs(file, RATE / EVERY), "")
+
+
+@pytest.mark.parametrize("celsius", [-273.2, 850.0])
+def test_a_temperature_at_which_no_fuel_is_liquid_is_told(tmp_path: Path, celsius: float):
+    recording = read_recording(write_folder(tmp_path, [clean_log()], Plan("hdf5")))
+    fuel = replace(recording.channels[0], quantity="fuel_temperature", calibration=None, scale=1.0, name="Fuel",
+                   source=ArraySource(np.r_[np.full(99, 313.15), celsius + 273.15]))  # fmt: skip
+    found = summarise(replace(recording, channels=(*recording.channels, fuel))).findings
+    (text,) = (finding.text for finding in found if finding.code == "temperature_not_of_liquid")
+    low, high = sorted((40.0, celsius))
+    assert text.startswith(
+        f"the fuel reads {low:.4g} to {high:.4g} degC, expected -60 to 250: what lies outside is not"
+    )
 
 
 def test_a_slow_channel_is_listed_with_its_rate(tmp_path: Path):
