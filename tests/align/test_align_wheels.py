@@ -188,6 +188,21 @@ def test_encoder_tracks_with_index(quarter: float) -> None:
     assert cycles.index.size == cycles.cycles_found
 
 
+def test_of_two_channels_that_tell_the_angle_the_one_that_counts_is_named() -> None:
+    wheel = Wheel(teeth=360, missing=0, rate=100e3, error_deg=0.0, index=True)
+    pulse = pulse_channel(wheel, "index", (index_volts(wheel) > 2.5).astype(float))
+    channels = (pulse_channel(wheel, "encoder_a", encoder(wheel, 0.0)), replace(pulse, quantity="trigger", name="Z"))
+    recording = wheel_recording(wheel, *channels)
+    trigger = replace(recording.config.trigger, pulses_per_rev=1)
+    base = time_base(replace(recording, config=replace(recording.config, trigger=trigger)), "DAQ", AlignOptions())
+    (told,) = (finding for finding in base.findings if finding.code == "angle_told_twice")
+    assert told.severity == "warning"
+    assert "is that of 'Z' (trigger), which nominal_angle_deg is of; 'encoder_a' (encoder_a) on the same" in told.text
+    assert told.text.endswith('what does not count, or quantity = "index" under one pulse per turn beside an encoder')
+    alone = wheel_recording(wheel, channels[0], pulse)
+    assert "angle_told_twice" not in {row.code for row in time_base(alone, "DAQ", AlignOptions()).findings}
+
+
 def test_encoder_that_swings_back_is_counted_once() -> None:
     wheel = Wheel(shaft=Shaft(rpm=300.0), teeth=360, missing=0, rate=100e3, error_deg=0.0, index=True)
     tracks = {name: encoder(wheel, phase) for name, phase in (("encoder_a", 0.0), ("encoder_b", 0.25))}
