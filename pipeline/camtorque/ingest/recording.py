@@ -27,11 +27,14 @@ from camtorque.ingest.starts import starts, time_findings
 from camtorque.ingest.table_file import commented_rows
 from camtorque.ingest.zeros import with_idle_zero
 from camtorque.records import CamTable, Channel, Finding, Recording, Refusal, SensorCalibration
+from camtorque.signal.running import percentile
 from camtorque.units import ATMOSPHERE, UNIT_OFFSETS, absolute_unit, is_known_unit, tidy_unit
 
 LEAST_IDLE_SAMPLES = 100
 SPAN_SAMPLES = 1_000_000
 """Samples looked at for the range of a channel whose sheet states none."""
+STRAY = 2.0
+"""A few samples beyond so many times all others are no part of the range, of which the accuracy is a share."""
 DURATION_TOLERANCE = 1.0e-4
 """Relative difference from a declared duration that a crystal may cause."""
 
@@ -166,10 +169,14 @@ def read_sensors(
 
 
 def _span(raw: RawChannel, scale: float) -> float:
-    """Return the largest value of a channel [SI], as far as its first samples tell."""
+    """Return the largest value of a channel that is no stray one [SI], as far as its first samples tell."""
     values = np.abs(raw.source.read(0, min(raw.source.n_samples, SPAN_SAMPLES)))
     values = values[np.isfinite(values)]
-    return float(values.max()) * scale if values.size else 0.0
+    if not values.size:
+        return 0.0
+    # a stroke is above half of its peak for more than two degrees
+    top, usual = float(values.max()), percentile(values, 99.5)
+    return scale * (top if top <= STRAY * usual or not usual else usual)
 
 
 def _channel(
