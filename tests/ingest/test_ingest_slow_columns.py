@@ -1,5 +1,6 @@
 """A slow channel beside fast ones in one table: its value stands in one row in so many, the cells between are blank."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -50,6 +51,28 @@ def test_a_slow_channel_is_read_at_its_own_rate(
     assert slow.start_time == pytest.approx(first / RATE, abs=1e-6)
     np.testing.assert_allclose(slow.source.read(0, 99), 40.0 + np.arange(first, ROWS, EVERY) / 1000.0)
     assert fast.source.n_samples == ROWS
+
+
+def test_a_slow_channel_goes_on_behind_lost_rows(tmp_path: Path):
+    """Its rows are others there: the log was refused for the rate of its stamps, and named no channel."""
+    file = table(tmp_path, "times", every=20)
+    lines = file.read_text(encoding="utf-8").splitlines()
+    file.write_text("\n".join([*lines[:202], *lines[257:]]) + "\n", encoding="utf-8")
+    slow, fast = read(file, specs(file, RATE / 20), "").channels
+    assert (slow.sample_rate, fast.sample_rate) == (pytest.approx(RATE / 20), pytest.approx(RATE))
+    lost = [float(np.sum(channel.break_steps)) for channel in (slow, fast)]
+    assert lost == [pytest.approx(60 / RATE), pytest.approx(55 / RATE)]
+    kept = [row for row in range(0, ROWS, 20) if not 200 <= row < 255]
+    np.testing.assert_allclose(slow.source.read(0, 99), [40.0 + row / 1000.0 for row in kept])
+
+
+def test_a_slow_channel_without_a_number_stops_no_other(tmp_path: Path):
+    file = table(tmp_path, "times")
+    text = file.read_text(encoding="utf-8")
+    file.write_text(re.sub(r",4[01]\.\d+$", ",", text, flags=re.MULTILINE), encoding="utf-8")
+    slow, fast = read(file, specs(file, RATE / EVERY), "").channels
+    assert np.isnan(slow.source.read(0, slow.source.n_samples)).all()
+    assert (slow.sample_rate, fast.sample_rate) == (pytest.approx(RATE / EVERY), pytest.approx(RATE))
 
 
 def test_values_between_its_rows_are_no_slow_channel(tmp_path: Path):
