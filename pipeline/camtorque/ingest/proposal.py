@@ -6,6 +6,7 @@ Proposals are written into a file for a person to check; nothing is used unread.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -115,8 +116,8 @@ def look_into(paths: list[Path]) -> list[Proposal]:
         channels = FORMATS[name].channels(path)
         if not channels:
             raise Refusal(f"{path}: holds no channel of numbers")
-        hint = path.stem if len(channels) == 1 else ""
-        looked = [_proposal(path, name, channel, hint) for channel in channels]
+        groups = Counter(channel.group for channel in channels)
+        looked = [_proposal(path, name, channel, _hint(path, channel, groups)) for channel in channels]
         found += [item for item in looked if np.isfinite(item.low)] or looked
     found = _without_unsure(_with_index(found))
     found = [replace(item, supply=_supply_of(item, found)) for item in found]
@@ -135,6 +136,13 @@ def look_into(paths: list[Path]) -> list[Proposal]:
     return [
         replace(item, has_rival=kept[number]) if number in kept else _dropped(item) for number, item in enumerate(found)
     ]
+
+
+def _hint(path: Path, channel: FileChannel, groups: Counter[str]) -> str:
+    """Return what names a channel beside its own name: the struct or group, or the file, that holds it alone."""
+    if groups.total() == 1:
+        return f"{path.stem} {channel.group}"
+    return channel.group if groups[channel.group] == 1 else ""
 
 
 def _with_index(found: list[Proposal]) -> list[Proposal]:
