@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime, time
 from pathlib import Path
@@ -22,7 +22,7 @@ from camtorque.ingest.plausibility import check_loads, check_trigger, check_trig
 from camtorque.ingest.pump_sizes import check_pump
 from camtorque.ingest.raw import RawChannel, RawFile
 from camtorque.ingest.sensitivity import over_supplies, with_supplies
-from camtorque.ingest.sensors import Sensor, certificate_age, read_sensor
+from camtorque.ingest.sensors import FIRST_STAMP, Sensor, certificate_age, read_sensor
 from camtorque.ingest.starts import starts, time_findings
 from camtorque.ingest.table_file import commented_rows
 from camtorque.ingest.zeros import with_idle_zero
@@ -65,7 +65,7 @@ def recording_of(config: RecordingConfig) -> Recording:
     files += [file for sensor in sensors.values() for file in sensor.files]
     files += [spec.path for spec in config.channels]
     recording = Recording(
-        config=config,
+        config=_dated(config, raw.values()),
         channels=channels,
         lift_table=cam_table,
         inputs=input_files(*files),
@@ -82,6 +82,14 @@ def recording_of(config: RecordingConfig) -> Recording:
     check_trigger_exchanged(recording)
     plausible = [*_plausible(config, cam_table), *check_loads(recording)]
     return replace(recording, findings=(*recording.findings, *plausible))
+
+
+def _dated(config: RecordingConfig, raw: Iterable[RawChannel]) -> RecordingConfig:
+    """Return the configuration with the day that the logs state, where it states none."""
+    stamps = [channel.stamp for channel in raw if channel.stamp is not None and channel.stamp >= FIRST_STAMP]
+    if config.date is not None or not stamps:
+        return config
+    return replace(config, date=datetime.fromtimestamp(min(stamps), UTC).date())
 
 
 def _plausible(config: RecordingConfig, table: CamTable | None) -> list[Finding]:
