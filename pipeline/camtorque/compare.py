@@ -28,6 +28,7 @@ from camtorque.fit.verdicts import (
 from camtorque.ingest import read_recording, summarise
 from camtorque.ingest.stated import DIMENSIONS, MOST_NAMED, PLACE, differences, stated
 from camtorque.jsonable import now
+from camtorque.process.folders import files_below
 from camtorque.process.threads import on_one_thread
 from camtorque.progress import Progress, silent
 from camtorque.records import Array, Finding, Recording, Refusal
@@ -107,7 +108,7 @@ def _recordings(path: Path) -> list[Path]:
         rows = read_campaign(campaign)["recordings"]
         return [campaign.parent / row["folder"] for row in rows if row["status"] == "ok"]
     if path.is_dir() and not any((path / name).is_file() for name in (RECORDING_FILE, NAME)):
-        return [item.parent for item in sorted(path.rglob(RECORDING_FILE))] or [path]
+        return [item.parent for item in files_below(path, RECORDING_FILE)] or [path]
     return [path]
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from camtorque.config.schemas import RECORDING_FILE
 from camtorque.hashes import file_digest, real_path
+from camtorque.process.folders import files_below
 from camtorque.records import InputFile, Refusal
 
 NAME, CAMPAIGN = "result.json", "campaign.json"
@@ -26,21 +27,14 @@ def find_results(path: Path) -> list[Path]:
     """
     if path.is_file():
         return [path]
-    found = _below(path, NAME)
-    for campaign in _below(path, CAMPAIGN):
+    found = files_below(path, NAME)
+    for campaign in files_below(path, CAMPAIGN):
         runs, rows = campaign.parent / "runs", read_campaign(campaign)["recordings"]
         named = {campaign.parent / row["folder"] / NAME for row in rows if row["folder"]}
         found = [file for file in found if file in named or runs not in file.parents]
     if not found:
         raise Refusal(f"{path}: found no {NAME} in or below it, expected a report of `camtorque run`; check the path")
     return found
-
-
-def _below(folder: Path, name: str) -> list[Path]:
-    """Return the files of a name in and below a folder, in order."""
-    files = sorted(folder.rglob(name)) if folder.is_dir() else []
-    # a folder that begins with a point is one that is being written, or was left behind
-    return [file for file in files if not any(part.startswith(".") for part in file.relative_to(folder).parts)]
 
 
 def read_result(path: Path) -> dict[str, Any]:
@@ -85,7 +79,7 @@ def read_results(paths: Sequence[Path]) -> dict[str, dict[str, Any]]:
 
 def refused_below(paths: Sequence[Path]) -> list[tuple[str, str]]:
     """Return name and reason of what campaigns in and below some paths refused: it has no report to be found."""
-    files = dict.fromkeys(file for path in paths for file in _below(path, CAMPAIGN))
+    files = dict.fromkeys(file for path in paths for file in files_below(path, CAMPAIGN))
     rows = [row for file in files for row in read_campaign(file)["recordings"]]
     return [(row["name"], row["error"]) for row in rows if row.get("status") == "refused"]
 

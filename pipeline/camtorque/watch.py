@@ -20,6 +20,7 @@ from camtorque.config.schemas import RECORDING_FILE
 from camtorque.growing import read_so_far
 from camtorque.ingest import read_recording
 from camtorque.mechanism.load_check import on_base
+from camtorque.process.folders import files_below
 from camtorque.process.threads import on_one_thread
 from camtorque.records import CamCycles, CutFlowRow, Recording, Refusal
 from camtorque.results import CAMPAIGN, NAME
@@ -302,7 +303,7 @@ def _appearing(folder: Path, options: WatchOptions) -> Looks:
 def _by_age(folder: Path) -> list[tuple[Path, int]]:
     """Return the recordings below a folder, oldest first, with the size of their files; one just gone is left out."""
     found = []
-    for config in folder.rglob(RECORDING_FILE):
+    for config in files_below(folder, RECORDING_FILE):
         with suppress(FileNotFoundError):
             files = set(config.parent.iterdir())
             with suppress(Refusal):  # what is still being written names no logs; they may lie elsewhere

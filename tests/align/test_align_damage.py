@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -360,6 +361,19 @@ def test_lost_samples_are_a_clock_jump() -> None:
     assert lost(cycles)["clock_jump"] <= 2
     assert "clock_jump" in codes(cycles)
     check_angle(cycles)
+
+
+def test_a_jump_late_in_a_day_is_told_by_the_millisecond() -> None:
+    """A log with times of the day had it near 8.64e+04 s."""
+    recording = make(RIG)
+    at = [int(0.5 * c.n_samples) for c in recording.channels]
+    channels = [
+        replace(c, source=Samples(np.delete(c.source.values, slice(k, k + round(0.01 * c.sample_rate)))),
+                start_time=c.start_time + 86_390.0)
+        for c, k in zip(recording.channels, at, strict=True)
+    ]  # fmt: skip
+    (told,) = (row for row in align(replace(recording, channels=tuple(channels))).findings if row.code == "clock_jump")
+    assert re.fullmatch(r"near 8639\d\.\d+ s", told.where)
 
 
 def test_jump_between_two_loggers_is_cut_and_both_sides_are_used() -> None:

@@ -285,6 +285,15 @@ def test_a_counter_of_sixteen_bits_starts_again_within_a_turn(first: int) -> Non
     assert whole.findings == ()
 
 
+def test_counts_of_an_encoder_that_are_taken_for_degrees_are_refused_by_their_unit() -> None:
+    """4096 of them were a counter that overflows after 11.4 turns: the torque did not follow the cam."""
+    counts = np.floor(4096.0 * 5.0 * np.arange(80_000) / 1e4) % 4096
+    channel = Channel("angle", "DAQ", Samples(np.radians(counts)), 0.0, 1e4, None, Path("log.csv"), "angle")
+    text = 'again after 4096 whole degrees, 11.38 turns, expected .* a turn, write unit = "rev/4096"'
+    with pytest.raises(Refusal, match=text):
+        counter_train(channel, 1)
+
+
 @pytest.mark.parametrize(("factor", "text"), [
     (np.pi / 180.0, r"after 0\.017\d turns, expected whole ones; check its unit: in rad it is 1 turn"),
     (180.0 / np.pi, r"after 57\.\d turns, expected whole ones; check its unit: in deg it is 1 turn"),

@@ -55,6 +55,20 @@ def test_two_teeth_at_a_part_of_a_revolution_are_a_wheel_with_missing_teeth() ->
         assert abs(angle_error_deg(cycles.torque, torque_of, cycles.theta)) < 0.2
 
 
+@pytest.mark.parametrize(
+    "wheel",
+    [Wheel(teeth=6, missing=4, error_deg=0.0), Wheel(teeth=2, missing=0, index=True, index_at=0.0, error_deg=0.0)],
+)
+def test_pulses_too_few_for_the_speed_do_not_bend_the_cam_angle(wheel: Wheel) -> None:
+    """What they see of the swing of the shaft a fit rebuilds from the torque: it would be corrected twice."""
+    found = align(wheel_recording(wheel))
+    (told,) = (finding for finding in found.findings if finding.code == "few_teeth")
+    assert "2 pulses per turn of the cam do not show how the speed varies within it, 4 or more do" in told.text
+    assert "ripple_unseen" in {finding.code for finding in found.findings}
+    alone = align(wheel_recording(replace(wheel, teeth=1, missing=0, index=False)))
+    assert np.sqrt(np.mean((found.mean_torque - alone.mean_torque) ** 2)) < 0.002 * np.ptp(alone.mean_torque)
+
+
 @pytest.mark.parametrize("name", ["60-2", "36-2 inductive", "60 and index", "four lobes"])
 def test_deviation_from_even_running_is_handed_on_with_its_error(name: str) -> None:
     errors, stated = [], []
@@ -173,6 +187,21 @@ def test_encoder_tracks_with_index(quarter: float) -> None:
     cycles = align(recording)
     assert abs(angle_error_deg(cycles.pressure, pressure_of, cycles.theta)) < 0.05
     assert cycles.index.size == cycles.cycles_found
+
+
+def test_of_two_channels_that_tell_the_angle_the_one_that_counts_is_named() -> None:
+    wheel = Wheel(teeth=360, missing=0, rate=100e3, error_deg=0.0, index=True)
+    pulse = pulse_channel(wheel, "index", (index_volts(wheel) > 2.5).astype(float))
+    channels = (pulse_channel(wheel, "encoder_a", encoder(wheel, 0.0)), replace(pulse, quantity="trigger", name="Z"))
+    recording = wheel_recording(wheel, *channels)
+    trigger = replace(recording.config.trigger, pulses_per_rev=1)
+    base = time_base(replace(recording, config=replace(recording.config, trigger=trigger)), "DAQ", AlignOptions())
+    (told,) = (finding for finding in base.findings if finding.code == "angle_told_twice")
+    assert told.severity == "warning"
+    assert "is that of 'Z' (trigger), which nominal_angle_deg is of; 'encoder_a' (encoder_a) on the same" in told.text
+    assert told.text.endswith('what does not count, or quantity = "index" under one pulse per turn beside an encoder')
+    alone = wheel_recording(wheel, channels[0], pulse)
+    assert "angle_told_twice" not in {row.code for row in time_base(alone, "DAQ", AlignOptions()).findings}
 
 
 def test_encoder_that_swings_back_is_counted_once() -> None:

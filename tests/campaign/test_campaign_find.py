@@ -7,8 +7,10 @@ from pathlib import Path
 
 import pytest
 from campaign_cases import make
+from camtorque import compare, watch
 from camtorque.campaign.find import search
 from camtorque.records import Refusal
+from camtorque.results import find_results
 
 
 def test_links_are_followed(tmp_path: Path) -> None:
@@ -67,3 +69,29 @@ def test_a_folder_that_may_not_be_read_is_told_and_the_others_are_found(tmp_path
     assert (told.code, told.severity, told.where) == ("folder_unreadable", "warning", str(tmp_path / "private"))
     with pytest.raises(PermissionError):
         search(tmp_path / "private")
+
+
+def test_a_link_that_leads_nowhere_is_told(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "recording.toml").touch()
+    (tmp_path / "b").symlink_to(tmp_path / "share" / "b")
+    names, (told,) = search(tmp_path)
+    assert list(names) == ["a"]
+    assert (told.severity, told.where) == ("warning", str(tmp_path / "b"))
+    assert "is a link that leads nowhere: recordings behind it are missed" in told.text
+
+
+def test_what_links_lead_to_is_found_by_every_command_once(tmp_path: Path) -> None:
+    """A comparison of two folders of links had left out every pair behind one, without a word."""
+    for folder, name in (("raw", "recording.toml"), ("reports", "result.json")):
+        for run in ("a", "b", "c"):
+            (tmp_path / "disk" / folder / run).mkdir(parents=True)
+            (tmp_path / "disk" / folder / run / name).touch()
+        (tmp_path / folder / "a").mkdir(parents=True)
+        (tmp_path / folder / "a" / name).touch()
+        for link, run in (("b", "b"), ("c", "c"), ("c again", "c")):
+            (tmp_path / folder / link).symlink_to(tmp_path / "disk" / folder / run)
+    found = [tmp_path / "raw" / run for run in "abc"]
+    assert compare._recordings(tmp_path / "raw") == found
+    assert sorted(place for place, _ in watch._by_age(tmp_path / "raw")) == found
+    assert find_results(tmp_path / "reports") == [tmp_path / "reports" / run / "result.json" for run in "abc"]

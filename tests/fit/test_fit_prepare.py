@@ -100,6 +100,10 @@ def test_a_warmer_fuel_is_softer_and_thinner():
     measured = rows_of(FluidSpec(temperature=ZERO + 20.0), fuel_temperature=channel)
     for name in ("bulk_modulus", "leakage", "plunger_viscous"):
         assert measured[name].prior == pytest.approx(stated[name].prior)
+    # a wire that breaks on the way, or was never whole
+    broken = np.where(np.arange(len(channel))[:, None] < 3, 0.0, channel)
+    assert rows_of(fuel_temperature=broken)["leakage"].prior == pytest.approx(stated["leakage"].prior)
+    assert rows_of(FluidSpec(temperature=ZERO + 80.0), fuel_temperature=np.zeros_like(channel)) == stated
     cold = rows_of(FluidSpec(temperature=ZERO + 40.0))
     assert stated["bulk_modulus"].prior[0] < 0.85 * cold["bulk_modulus"].prior[0]
     assert cold["bulk_modulus"].prior[1] < ROWS["bulk_modulus"].prior[1]

@@ -184,6 +184,12 @@ def test_a_second_tooth_and_another_speed_narrow(fit):
             assert std[names.index("dead_volume")] < today[names.index("dead_volume")]
 
 
+def test_a_second_tooth_is_not_proposed_beside_a_wheel_or_a_recorded_angle(fit):
+    assert any(text.startswith(TOOTH) for text in next_measurement(fit))
+    beside = next_measurement(fit, has_teeth=True)
+    assert beside == tuple(text for text in next_measurement(fit) if not text.startswith(TOOTH))
+
+
 def test_a_speed_at_which_a_tangent_runs_away_is_not_proposed(fit, monkeypatch):
     away = planning.normal_equations
 

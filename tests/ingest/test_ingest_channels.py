@@ -9,6 +9,8 @@ import pyarrow.parquet as pq
 import pytest
 from camtorque.config.quantities import CHANNEL_QUANTITIES
 from camtorque.ingest import read_recording, summarise
+from camtorque.ingest.raw import ArraySource, RawChannel
+from camtorque.ingest.recording import _span
 from camtorque.ingest.zeros import zero_of_readings
 from camtorque.records import Refusal
 from camtorque.units import BAR
@@ -98,6 +100,17 @@ def test_scaled_values_need_no_sheet_and_what_is_assumed_is_told(tmp_path: Path)
     assert {"already_scaled", "accuracy_assumed", "delay_assumed"} <= codes(read)
     assert (calibration.delay, calibration.delay_std) == (25e-6, pytest.approx(25e-6 / math.sqrt(3.0)))
     assert summarise(read_recording(tmp_path / "r")).channels[1].high == pytest.approx(channel.read().max())
+
+
+def test_stray_samples_are_no_part_of_a_range_that_nobody_states():
+    """Its accuracy is a share of the range: samples of 9999 bar had made a pressure of 900 bar known to 100."""
+    found = {}
+    for name, stray in (("clean", slice(0)), ("stray", slice(500, 510))):
+        volts = LOG.volts["pressure"].copy()
+        volts[stray] = 9999.0 / 200.0
+        found[name] = _span(RawChannel("p", "bar", ArraySource(200.0 * volts), 0.0, 20e3), BAR)
+    assert found["clean"] == BAR * 200.0 * LOG.volts["pressure"].max()
+    assert 0.5 * found["clean"] < found["stray"] <= found["clean"]
 
 
 def test_the_zero_of_scaled_values_is_in_their_unit(tmp_path: Path):

@@ -11,6 +11,7 @@ from camtorque.config.recording import load_recording_config
 from camtorque.config.schemas import RECORDING_TABLES
 from camtorque.config.tables import Refusals, read_toml
 from camtorque.ingest.formats import FORMATS, declared_format, file_format, first_bytes
+from camtorque.ingest.pump_file import read_pump
 from camtorque.ingest.table_file import read_small_table
 from camtorque.records import Refusal
 from camtorque.units import DEGREE, RPM, did_you_mean
@@ -220,6 +221,11 @@ def test_a_missing_file_names_what_its_folder_holds(tmp_path: Path):
         Refusal, match=r"expected a lift table .*; its folder holds run_all.csv, .*, x6.csv and 3 more$"
     ):
         read_small_table(tmp_path / "cam", "a lift table")
+    (tmp_path / "tables").mkdir()
+    with pytest.raises(Refusal, match=r"tables: is a folder; expected a lift table .*; it holds no log or table$"):
+        read_small_table(tmp_path / "tables", "a lift table")
+    with pytest.raises(Refusal, match=r"tables: is a folder; expected a pump file .*; it holds no TOML file$"):
+        read_pump(tmp_path / "tables")
 
 
 def test_a_missing_sheet_names_the_sheets_beside_it(tmp_path: Path):

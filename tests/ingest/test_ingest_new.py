@@ -313,3 +313,17 @@ def test_a_wheel_without_a_tooth_is_told_what_its_keys_count(tmp_path: Path):
     sheet.write_text(sheet.read_text().replace("[trigger]", "[trigger]\nmissing_teeth = 1"))
     with pytest.raises(Refusal, match="1 of 1 pulses per revolution are missing, expected fewer than pulses_per_rev, "):
         load_recording_config(folder)
+
+
+@pytest.mark.parametrize("name", ["Null", "Prox"])
+def test_one_pulse_a_turn_beside_an_encoder_is_its_index(tmp_path: Path, name: str):
+    """As a trigger it would tell the angle alone, and the tracks of the encoder nothing."""
+    angle = np.arange(60_000) * (12.0 / 60_000)
+    tracks = {"Spur A": (360 * angle) % 1.0 < 0.5, "Spur B": (360 * angle - 0.25) % 1.0 < 0.5, name: angle % 1.0 < 0.01}
+    file = tmp_path / "log.npz"
+    np.savez(file, fs=20e3, torque_Nm=np.sin(angle), **{key: values.astype(float) for key, values in tracks.items()})
+    assert cli.main(["new", str(file)]) == 0
+    text = (tmp_path / "recording.toml").read_text(encoding="utf-8")
+    assert re.findall(r'^quantity = "(\w+)"', text, re.MULTILINE) == ["torque", "encoder_a", "encoder_b", "index"]
+    assert "pulses_per_rev = 360" in text
+    assert 'reference = "index"' in text

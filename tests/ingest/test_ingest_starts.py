@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from datetime import timedelta
+from datetime import date, timedelta
 from pathlib import Path
 
 import pytest
@@ -48,6 +48,19 @@ def told(recording: Recording) -> list[tuple[str, str, str]]:
 
 def starts(recording: Recording) -> dict[str, float]:
     return {channel.quantity: pytest.approx(channel.start_time, abs=1e-6) for channel in recording.channels}
+
+
+def test_the_day_is_that_of_the_logs_where_recording_toml_states_none(tmp_path: Path):
+    """A trend over date had no point of a recording whose logs are dated."""
+    folder = three_files(tmp_path / "r", "synchronised")
+    assert read_recording(folder).config.date == logs.START.date()
+    file = folder / "recording.toml"
+    file.write_text(file.read_text(encoding="utf-8").replace("[recording]", "[recording]\ndate = 2024-02-29"), "utf-8")
+    assert read_recording(folder).config.date == date(2024, 2, 29)
+    for log in ("TORQUE", "PRESSURE", "TRIGGER"):
+        take_date_away(folder / f"{log}.tdms")
+    file.write_text(file.read_text(encoding="utf-8").replace("date = 2024-02-29", ""), "utf-8")
+    assert read_recording(folder).config.date is None
 
 
 def test_a_log_without_a_date_counts_from_the_earliest_of_the_dated_ones(tmp_path: Path):

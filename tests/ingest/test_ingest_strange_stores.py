@@ -16,6 +16,7 @@ from camtorque.config import ChannelSpec
 from camtorque.ingest import hdf5, mat, numpy_file, parquet, tdms, xlsx
 from camtorque.ingest.formats import file_format
 from camtorque.ingest.parquet import refuse_lying_pages
+from camtorque.ingest.proposal import look_into
 from camtorque.ingest.raw import RawFile
 from camtorque.ingest.table_file import read_small_table
 from camtorque.records import Refusal
@@ -49,6 +50,19 @@ def test_structs_in_structs_with_their_rate_and_unit(tmp_path: Path):
         mat.read(file, (spec(file, "rec.Torque", "Data", rate=1e4),), "")
     with pytest.raises(Refusal, match=r"struct 'rec.Torque' has no field 'data', did you mean 'Data'"):
         mat.read(file, (spec(file, "rec.Torque", "data"),), "")
+
+
+def test_german_structs_state_their_rate_and_unit_and_name_their_channels(tmp_path: Path):
+    """A rate that is not read is not held against the declared one either."""
+    file = tmp_path / "run.mat"
+    torque = {"Werte": TORQUE, "Einheit": "Nm", "Abtastrate": RATE}
+    savemat(file, {"Drehmoment": torque, "rec": {"Druck": {"y": 2.0 * TORQUE, "t": TIME}}})
+    found = {(item.channel.group, item.channel.name): item for item in look_into([file])}
+    assert found["Drehmoment", "Werte"].channel.sample_rate == RATE
+    assert (found["Drehmoment", "Werte"].quantity, found["Drehmoment", "Werte"].unit) == ("torque", "N m")
+    assert found["rec.Druck", "y"].quantity == "pressure"
+    with pytest.raises(Refusal, match=r"the file says 20000 Hz, recording.toml says 10000 Hz"):
+        mat.read(file, (spec(file, "Drehmoment", "Werte", rate=1e4),), "")
 
 
 def test_a_rate_beside_the_variables_and_times_in_milliseconds(tmp_path: Path):

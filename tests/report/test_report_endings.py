@@ -126,6 +126,8 @@ def test_what_the_other_ending_would_make_is_told_where_the_band_does_not_hold_i
     assert "it is a land as in the fitted recordings. If spill ends it" in text
     assert "up to 6 N m lower at 0 deg of cam angle: --ending spill predicts it" in text
     assert ending_text(item) == ()
+    text = ending_text(replace(item, other=if_it_ended_so(item, run(-140.0, 1.0, "spill"))))[0]
+    assert "up to 150 N m lower at" in text
 
 
 def test_an_ending_that_no_fitted_recording_has_lies_where_theirs_do_and_is_less_sure() -> None:

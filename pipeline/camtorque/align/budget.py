@@ -112,12 +112,12 @@ def _between_pulses(base: TimeBase, speed_change: float, unseen: str) -> tuple[A
 def _wheel(base: TimeBase) -> tuple[AngleError, ...]:
     """Rows of a wheel: where its teeth are, where its index is, and what one wheel cannot see."""
     n, places = base.pulses_per_cycle, base.places
-    if n == 1:
-        return ()
     text = "spread of the index among the teeth, or one count"
     index = (AngleError("place of the index", np.degrees(base.index_std), text),) if base.index_std > 0.0 else ()
+    if n == 1:
+        return index
     if places is None:
-        unknown = "too few whole turns or pulses to tell the places of the teeth from the speed"
+        unknown = "too few whole turns to tell the places of the teeth from the speed"
         return (*index, AngleError("places of the teeth", UNKNOWN, unknown))
     std = float(np.degrees(np.sqrt(np.mean(places.place_std**2))))
     text = (

@@ -240,7 +240,7 @@ def _jumped(logger: str, moment: float, step: float, where: str) -> Finding:
         f"the clock of logger {logger} jumps by {1e3 * step:+.4g} ms against the reference; the cycle there is cut out "
         "and the stretches before and after have their own offset"
     )
-    return Finding("clock_jump", "warning", text, f"{where}, near {moment:.4g} s")
+    return Finding("clock_jump", "warning", text, f"{where}, near {moment:.7g} s")
 
 
 def _ambiguous(logger: str, lag: int, rival: int, evidence: float, n_pulses: int, where: str) -> Finding:
@@ -298,7 +298,7 @@ def mark_jumps(
     odd = int(jump.sum())
     findings = []
     if odd:
-        places = ", ".join(f"{t:.4g} s" for t in train.time[jump][:5])
+        places = ", ".join(f"{t:.7g} s" for t in train.time[jump][:5])
         text = (
             f"{odd} pulse period{'s differ' if odd > 1 else ' differs'} from both neighbours as no shaft can run: "
             "samples or pulses were lost or the clock set, the cycles there are cut out"

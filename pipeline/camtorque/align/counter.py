@@ -13,7 +13,7 @@ from camtorque.records import Array, Channel, Finding, Integers, Refusal
 from camtorque.signal.damage import NO_VOLTAGE
 from camtorque.signal.edges import Edges, missing_finding
 from camtorque.signal.logger_time import sample_times
-from camtorque.signal.threshold import Threshold
+from camtorque.signal.threshold import Count, Threshold
 from camtorque.units import DEGREE, TURN, counted
 
 MOST_SAMPLES = 8_000_000
@@ -37,6 +37,9 @@ WHOLE = Threshold(
     "Steps between the levels of a counter are whole counts but for this part; those of an analogue angle are "
     "off by a quarter in the median."
 )  # fmt: skip
+FEWEST_COUNTED = Count(
+    65536, "counts", "convention", "A counter of edges has 16 bits or more, the disc of an absolute encoder fewer."
+)
 LINES = 4096
 """Steps worked on at a time."""
 CHANGES_PER_STEP = 4.0
@@ -158,6 +161,7 @@ def _unwrapped(raw: Array, quantum: float, where: str) -> tuple[Array, float]:
     bits = quantum * 2.0 ** np.round(np.log2(reach / quantum + 1.0)) if quantum else 0.0
     if abs(whole - reach) > longest and 0.0 < bits - reach <= longest:
         whole = overflow = float(bits)
+        _refuse_counts_as_degrees(quantum, round(bits / quantum), where)
     if abs(whole - reach) > max(longest, NOT_WHOLE * TURN):
         turns = f"{reach / TURN:.3g}" if reach < 100.0 * TURN else f"{reach / TURN:.1f}"
         other = _in_other_unit(reach, longest) or ", and whether it was set to zero while it turned"
@@ -165,6 +169,15 @@ def _unwrapped(raw: Array, quantum: float, where: str) -> tuple[Array, float]:
             f"{where}: the angle starts again after {turns} turns, expected whole ones; check its unit{other}"
         )
     return raw + whole * np.r_[0.0, np.cumsum(wraps)], overflow
+
+
+def _refuse_counts_as_degrees(quantum: float, counts: int, where: str) -> None:
+    """Refuse counts of an absolute encoder that are taken for degrees: no counter of so few bits counts those."""
+    if counts < FEWEST_COUNTED and abs(quantum - DEGREE) < FINEST:
+        raise Refusal(
+            f"{where}: the angle starts again after {counts} whole degrees, {counts / 360.0:.4g} turns, expected whole "
+            f'turns; where these are the counts of an encoder of {counts} a turn, write unit = "rev/{counts}"'
+        )
 
 
 def _in_other_unit(reach: float, longest: float) -> str:

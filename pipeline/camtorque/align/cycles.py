@@ -24,7 +24,7 @@ from camtorque.align.options import AlignOptions
 from camtorque.align.polarity import check_quantities
 from camtorque.align.quality import CycleTable, apply_cuts, changed_running, flat_top_findings, refuse_jitter
 from camtorque.align.summary import alignment_details
-from camtorque.align.timebase import TimeBase, settled_phase, silence_findings, time_base
+from camtorque.align.timebase import TimeBase, by_few_teeth, settled_phase, silence_findings, time_base
 from camtorque.records import (
     DEVIATION,
     LEAD,
@@ -61,6 +61,7 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     options = options or AlignOptions()
     channels = measured(recording)
     base = settled_phase(recording, time_base(recording, channels.reference, options), channels, options)
+    base = by_few_teeth(base, recording.config.id)
     angle = cam_angle(base.train, recording.config.trigger, base.pulses_per_cycle, base.places)
     turns = Turns(angle, base.clocks, options)
     if not turns.cycles.size:

@@ -188,7 +188,7 @@ def _lost(quantity: str, moved: float, moment: float, table: CycleTable, first: 
     kept = int(ordinary(table)[:first].sum())
     return Finding(
         "samples_lost", "warning",
-        f"from {short(moment, 4)} s on the {quantity} comes {short(abs(moved) / DEGREE)} degrees of cam angle "
+        f"from {short(moment, 7)} s on the {quantity} comes {short(abs(moved) / DEGREE)} degrees of cam angle "
         f"({short(1e3 * abs(moved) / float(np.median(table.speed)), 3)} ms) {'later' if moved > 0.0 else 'earlier'} "
         "than before, by a shift alone: a log lost samples there or its clock was set; "
         f"the {kept} cycles before it are used, where the logs still have one time",

@@ -261,6 +261,11 @@ def _pattern(train: PulseTrain, n: int) -> tuple[Integers, Array, float, int] | 
     return tooth, mean, float(np.sqrt(np.mean(variance))), int(inner.size)
 
 
+def teeth_shown(train: PulseTrain, n: int) -> int:
+    """Return how many of the ``n`` steps of a turn of the cam most turns show a pulse at."""
+    return int(_turns(train, n)[1].size)
+
+
 def _turns(train: PulseTrain, n: int) -> tuple[Array, Integers]:
     """Return (turns, teeth) times, nan where a turn is not whole, and the teeth that most turns show."""
     turn, tooth = train.step // n, train.step % n

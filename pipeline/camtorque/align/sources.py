@@ -53,7 +53,29 @@ def trigger_trains(recording: Recording, options: AlignOptions) -> dict[str, Tri
             f"{recording.config.id}: no channel tells the angle, expected one of {', '.join(SOURCES)}; add a "
             '[[channels]] entry, such as quantity = "trigger"'
         )
-    return trains
+    return {
+        logger: replace(found, findings=(*found.findings, *_passed_over(recording, found.channel)))
+        for logger, found in trains.items()
+    }
+
+
+def _passed_over(recording: Recording, used: Channel) -> tuple[Finding, ...]:
+    """Return a warning where other channels of a logger tell the angle, too: one alone is used."""
+    others = [
+        f"{channel.name!r} ({quantity})"
+        for quantity in SOURCES
+        for channel in recording.of(quantity)
+        if channel is not used and channel.logger == used.logger
+    ]
+    if not others:
+        return ()
+    beside = ', or quantity = "index" under one pulse per turn beside an encoder' if used.quantity == "trigger" else ""
+    text = (
+        f"the cam angle is that of {used.name!r} ({used.quantity}), which nominal_angle_deg is of; {', '.join(others)} "
+        f"on the same logger would tell it as well and {'are' if len(others) > 1 else 'is'} not used: write used = "
+        f"false under what does not count{beside}"
+    )
+    return (Finding("angle_told_twice", "warning", text, used.where),)
 
 
 def _wheel(recording: Recording, channel: Channel, options: AlignOptions) -> TriggerTrain:
@@ -125,7 +147,7 @@ def _encoder(recording: Recording, channel: Channel, options: AlignOptions) -> T
     every = max(1, -(-spec.pulses_per_cycle // MOST_PULSES))
     while spec.pulses_per_cycle % every:
         every += 1
-    return TriggerTrain(channel, edges, _thinned(train, every), spec.pulses_per_cycle // every, findings)
+    return TriggerTrain(channel, edges, thinned(train, every), spec.pulses_per_cycle // every, findings)
 
 
 def _forward_only(a: Edges, b: Edges, where: str) -> tuple[Array, tuple[Finding, ...]]:
@@ -153,14 +175,15 @@ def _level_of(b: Edges, time: Array) -> Integers:
     return np.where(rise > fall, 1, -1)
 
 
-def _thinned(train: PulseTrain, every: int) -> PulseTrain:
-    """Return every n-th pulse, the one of step zero among them."""
+def thinned(train: PulseTrain, every: int) -> PulseTrain:
+    """Return every n-th pulse, the one of step zero among them; clocks jump between what is kept where they did."""
     if every == 1:
         return train
     kept = train.step % every == 0
     return replace(
         train, time=train.time[kept], step=train.step[kept] // every, repaired=train.repaired[kept],
         broken=broken_before(train.broken, kept), offset=train.offset / every, offset_std=train.offset_std / every,
+        jumped=None if train.jumped is None else broken_before(train.jumped, kept),
     )  # fmt: skip
 
 

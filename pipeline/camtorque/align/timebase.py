@@ -18,10 +18,10 @@ from camtorque.align.channels import Measured, Turns, align_channels, positions
 from camtorque.align.clocks import Clock, against, fit_clock, mark_jumps, same_clock
 from camtorque.align.options import AlignOptions
 from camtorque.align.physics_clock import Pair, physics_clock
-from camtorque.align.places import Places, tooth_places
+from camtorque.align.places import LEAST_PULSES, Places, teeth_shown, tooth_places
 from camtorque.align.polarity import INVERTED_CORRELATION, correlation, lift_velocity
 from camtorque.align.pulses import PulseTrain, TriggerTrain, train_findings
-from camtorque.align.sources import trigger_trains
+from camtorque.align.sources import thinned, trigger_trains
 from camtorque.records import Array, CamTable, Channel, Finding, Recording, Refusal
 from camtorque.signal.logger_time import end_time
 from camtorque.signal.threshold import Count, Threshold
@@ -267,6 +267,25 @@ def settled_phase(recording: Recording, base: TimeBase, channels: Measured, opti
     finding = Finding("cycle_phase_by_lift" if clear else "cycle_phase_open", "info" if clear else "warning", text)
     step = base.train.step - best * (base.pulses_per_cycle // turns)
     return replace(base, train=replace(base.train, step=step), findings=(*base.findings, finding))
+
+
+def by_few_teeth(base: TimeBase, where: str) -> TimeBase:
+    """Return the time base with one pulse a turn where a wheel has too few for the speed within it, and a finding.
+
+    Two teeth bend the cam angle by what little they see of the swing of the shaft, which a fit rebuilds in full from
+    the torque: it would be corrected twice.
+    """
+    n, shown = base.pulses_per_cycle, teeth_shown(base.train, base.pulses_per_cycle)
+    if n == 1 or shown >= LEAST_PULSES:
+        return base
+    text = (
+        f"{shown} pulses per turn of the cam do not show how the speed varies within it, {int(LEAST_PULSES)} or more "
+        "do: the cam angle is that of the one at nominal_angle_deg, at even speed in between"
+    )
+    finding = Finding("few_teeth", "info", text, where)
+    return replace(
+        base, train=thinned(base.train, n), pulses_per_cycle=1, places=None, findings=(*base.findings, finding)
+    )
 
 
 def _means(recording: Recording, base: TimeBase, channels: Measured, options: AlignOptions) -> dict[str, Array]:

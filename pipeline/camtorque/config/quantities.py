@@ -55,6 +55,8 @@ SENSOR_QUANTITIES = tuple(name for name, quantity in CHANNEL_QUANTITIES.items() 
 """Quantities that a sensor with a sheet may measure."""
 SHEET_NEEDED = ("torque", "pressure", "chamber_pressure")
 """Quantities whose delay and accuracy the model needs: without a sheet they are assumed, and a finding says so."""
+LIQUID_C = (-60.0, 250.0)
+"""Lowest and highest temperature of a liquid fuel [deg C]: what lies outside is a broken wire or another unit."""
 SENSED = ("voltage", "bridge output")
 """Dimensions of what a sensor gives before anything scales it."""
 

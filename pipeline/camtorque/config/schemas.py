@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from camtorque.config.keys import Band, Key, TableSchema
-from camtorque.config.quantities import CHANNEL_QUANTITIES
+from camtorque.config.quantities import CHANNEL_QUANTITIES, LIQUID_C
 
 RECORDING_FILE = "recording.toml"
 RECORDING_SCHEMA = "fip-bench-recording/1"
@@ -210,7 +210,7 @@ FLUID = TableSchema("[fluid]", "the fuel or oil, where known", (
     Key("name", "text", "diesel, ISO 4113, gasoline, methanol, kerosene, HVO, marine, heavy fuel and the like",
         default="", own=True),
     Key("temperature_C", "number", "at the pump inlet, where no `fuel_temperature` channel tells", "C", None,
-        Band(-60.0, 250.0, "liquid fuel"), own=True),
+        Band(*LIQUID_C, "liquid fuel"), own=True),
     Key("bulk_modulus_Pa", "number", "at feed pressure", "Pa", None, Band(1e8, 6e9, "of liquids"), own=True),
     Key("bulk_modulus_slope", "number", "its rise per rise of pressure", default=None,
         band=Band(3.0, 30.0, "of liquids: 8 to 14"), own=True),

@@ -119,7 +119,8 @@ def what_is_beside(path: Path, *, toml: bool = False) -> str:
         return f"; there is no folder {path.parent}"
     found = (item for item in folder.iterdir() if item.is_file() and (item.suffix == ".toml") is toml)
     names = tuple(sorted(item.name for item in found))
-    held = f"holds {first_of(names, MOST_LISTED) or 'no log or table'}"
+    nothing = "no TOML file" if toml else "no log or table"
+    held = f"holds {first_of(names, MOST_LISTED) or nothing}"
     if folder == path:
         return f"; it {held}"
     return did_you_mean(path.name, names) or ("" if toml and not names else f"; its folder {held}")

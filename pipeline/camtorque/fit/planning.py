@@ -51,14 +51,19 @@ LEAST_GAIN = 0.02
 """A run that narrows the number by less than this share for what one setting of the bench costs is not worth making."""
 
 
-def next_measurement(fit: Fit) -> tuple[str, ...]:
-    """Return proposals for the next recording, each with what it is expected to bring."""
+def next_measurement(fit: Fit, has_teeth: bool = False) -> tuple[str, ...]:
+    """Return proposals for the next recording, each with what it is expected to bring.
+
+    ``has_teeth``: more than one pulse tells a turn of the cam already, or its angle was recorded.
+    """
     names = fit.problem.names
     watched = [name for name in OUTCOMES if name in names]
     today = fit.unbounded_std
     rest = today**2 - fit.covariance.std**2  # other laws and structures, the trigger's switching: no run narrows these
     texts = []
     for title, matrix in proposals(fit):
+        if title == TOOTH and has_teeth:
+            continue
         after = np.sqrt(np.maximum(np.diag(matrix), 0.0) + rest)
         gains = sorted((float(after[names.index(n)] / today[names.index(n)]), n) for n in watched)
         told = [f"{name.replace('_', ' ')} to {100.0 * share:.0f} %" for share, name in gains if share < WORTH]

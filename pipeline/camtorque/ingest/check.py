@@ -10,13 +10,14 @@ from types import MappingProxyType
 import numpy as np
 
 from camtorque.config import RecordingConfig
+from camtorque.config.quantities import LIQUID_C
 from camtorque.records import Array, Channel, Finding, Recording, Refusal
 from camtorque.signal.damage import SPIKE_TIMES_BESIDE, Scan, scan_channel
 from camtorque.signal.edges import without_bounces
 from camtorque.signal.inductive import find_pulses
 from camtorque.signal.logger_time import pause_intervals
 from camtorque.signal.marks import uneven_marks
-from camtorque.units import BAR, DEGREE, RPM, counted, short
+from camtorque.units import BAR, DEGREE, RPM, ZERO_CELSIUS, counted, short
 
 VACUUM = -1.5 * BAR
 """Gauge pressure that no liquid line keeps up [Pa]."""
@@ -84,11 +85,23 @@ def summarise(recording: Recording, pulses: Mapping[str, Array] = MappingProxyTy
             trains[channel.logger] = times
         summaries.append(_summary(channel, scan, times.size))
     for channel, row in zip(recording.channels, summaries, strict=True):
-        findings += _isolated(channel, row.scan, trains, config)
+        findings += [*_isolated(channel, row.scan, trains, config), *_not_liquid(row)]
     findings += _swapped(recording, summaries)
     speed = float(np.nanmedian(speeds)) if np.isfinite(speeds).any() else float("nan")
     findings += [row for quantity in SHAPED for channel in recording.of(quantity) for row in _coarse(channel, speed)]
     return RecordingSummary(config.id, config.file_format, tuple(summaries), speed / RPM, tuple(findings))
+
+
+def _not_liquid(row: ChannelSummary) -> list[Finding]:
+    """Tell a temperature of the fuel at which none is liquid."""
+    low, high = row.low - ZERO_CELSIUS, row.high - ZERO_CELSIUS
+    if row.quantity != "fuel_temperature" or not (low < LIQUID_C[0] or high > LIQUID_C[1]):
+        return []
+    text = (
+        f"the fuel reads {low:.4g} to {high:.4g} degC, expected {LIQUID_C[0]:g} to {LIQUID_C[1]:g}: what lies outside "
+        "is not used; check the sensor, its cable and its unit"
+    )
+    return [Finding("temperature_not_of_liquid", "error", text, f"{row.file} {row.name}")]
 
 
 def _coarse(channel: Channel, speed: float) -> list[Finding]:

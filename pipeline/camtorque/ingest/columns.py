@@ -17,7 +17,7 @@ from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, name_and_unit, number
 from camtorque.ingest.listing import MOST_ALIKE, RATE_SAMPLES, time_unit_of
 from camtorque.ingest.raw import ArraySource, RawChannel, RawFile
 from camtorque.ingest.stamps import DAY, RATE_NOTE, Stamps, agreed_rate, date_of, read_stamps
-from camtorque.ingest.table_rows import are_changes, at, held, own_rows, rows_of, where_timed
+from camtorque.ingest.table_rows import are_changes, at, held, own_rows, rows_of, spaced, where_timed
 from camtorque.records import Finding, Refusal, SampleSource
 from camtorque.units import did_you_mean, unit_factor
 
@@ -42,9 +42,13 @@ def raw_file(
                 channels.append(base.channel(spec.channel, layout.units[column], source, stamp))
                 findings += (*base.findings, *cut)
                 continue
-        rows = rows_of(source, round(fastest / spec.sample_rate))
-        base, stamp = _times(path, layout, stamps and at(rows, stamps), time, spec, rows)
-        channels.append(base.channel(spec.channel, layout.units[column], at(rows, source), stamp))
+        every = round(fastest / spec.sample_rate)
+        rows = rows_of(source, every)
+        own = (at(rows, source), stamps and at(rows, stamps))
+        if rows.step < every and stamps is not None and (apart := spaced(source, stamps, every)):
+            rows, own = slice(0, None, every), apart
+        base, stamp = _times(path, layout, own[1], time, spec, rows)
+        channels.append(base.channel(spec.channel, layout.units[column], own[0], stamp))
         findings += (*base.findings, *cut) if (time, rows.step) not in seen else ()
         seen.add((time, rows.step))
     return RawFile(tuple(channels), tuple(findings))

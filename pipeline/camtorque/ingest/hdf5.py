@@ -27,11 +27,11 @@ from camtorque.records import Finding, Refusal
 from camtorque.units import did_you_mean
 
 RATE_NAMES = ("sampleratehz", "samplingratehz", "samplerate", "samplingrate", "samplingfrequency", "samplefrequency",
-              "samplingfreq", "ratehz", "fshz", "fs")  # fmt: skip
-STEP_NAMES = ("wfincrement", "timesteps", "dts", "dt", "sampleinterval", "samplinginterval")
+              "samplingfreq", "ratehz", "fshz", "fs", "abtastrate", "abtastfrequenz", "messrate")  # fmt: skip
+STEP_NAMES = ("wfincrement", "timesteps", "dts", "dt", "sampleinterval", "samplinginterval", "abtastintervall")
 START_NAMES = ("t0s", "starttimes", "wfstartoffset", "t0")
 COLUMN_NAMES = ("columns", "columnnames", "names", "channels", "channelnames", "fields", "labels")
-UNIT_NAMES = ("unit", "units", "unitstring")
+UNIT_NAMES = ("unit", "units", "unitstring", "einheit")
 SCALE_NAMES = ("scale", "slope", "factor", "scaling", "multiplier")
 """Attributes in small letters without blanks and underscores; scales that follow no convention are never applied."""
 MOST_COLUMNS = 64

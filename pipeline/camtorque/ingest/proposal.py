@@ -6,6 +6,7 @@ Proposals are written into a file for a person to check; nothing is used unread.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -55,6 +56,7 @@ BY_DIMENSION = {
 }
 SUPPLY_NAME = r"exc|suppl|speis|versorg|br.cke.?(sp|u)|bridge.?(v|u)|\bu_?b\b"
 """Names of the supply of a bridge."""
+TRAINS = ("trigger", "encoder_a")
 FASTER = 1.5
 """A pulse train with this many times the pulses of another one is a wheel beside its index."""
 WAVE_SHARE, LEAST_WAVES = 0.2, 20
@@ -80,7 +82,7 @@ class Proposal:
     is_absolute : a pressure that counts from vacuum
     levels : share of the samples at either of two levels
     supply : channel that seems to hold the supply of this bridge
-    pulses : of a trigger, in the samples looked at [1/s, 1/sample where the rate is unknown]
+    pulses : of a trigger or encoder, in the samples looked at [1/s, 1/sample where the rate is unknown]
     """
 
     path: Path
@@ -114,8 +116,8 @@ def look_into(paths: list[Path]) -> list[Proposal]:
         channels = FORMATS[name].channels(path)
         if not channels:
             raise Refusal(f"{path}: holds no channel of numbers")
-        hint = path.stem if len(channels) == 1 else ""
-        looked = [_proposal(path, name, channel, hint) for channel in channels]
+        groups = Counter(channel.group for channel in channels)
+        looked = [_proposal(path, name, channel, _hint(path, channel, groups)) for channel in channels]
         found += [item for item in looked if np.isfinite(item.low)] or looked
     found = _without_unsure(_with_index(found))
     found = [replace(item, supply=_supply_of(item, found)) for item in found]
@@ -136,10 +138,17 @@ def look_into(paths: list[Path]) -> list[Proposal]:
     ]
 
 
+def _hint(path: Path, channel: FileChannel, groups: Counter[str]) -> str:
+    """Return what names a channel beside its own name: the struct or group, or the file, that holds it alone."""
+    if groups.total() == 1:
+        return f"{path.stem} {channel.group}"
+    return channel.group if groups[channel.group] == 1 else ""
+
+
 def _with_index(found: list[Proposal]) -> list[Proposal]:
-    """Take the fastest pulse train of each file for its trigger, and a slower one for its index."""
+    """Take the fastest pulse train of each file for its trigger or encoder, and a slower one for its index."""
     for path in dict.fromkeys(item.path for item in found):
-        trains = [number for number, item in enumerate(found) if (item.path, item.quantity) == (path, "trigger")]
+        trains = [number for number, item in enumerate(found) if item.path == path and item.quantity in TRAINS]
         places = [number for number in trains if _is_surely_pulses(found[number])]
         places.sort(key=lambda number: found[number].pulses)
         if len(places) < 2 or found[places[-1]].pulses < FASTER * found[places[0]].pulses:
@@ -196,7 +205,7 @@ def _proposal(path: Path, name: str, channel: FileChannel, hint: str) -> Proposa
     known = unit if is_known_unit(unit) else "V" if pulses else ""
     coil = "inductive" if quantity == "trigger" and not is_pulse_train(good) else ""
     levels = level_share(good) if pulses else 0.0
-    beats = (_half_waves(good) / 2.0 if coil else pulse_count(good)) if quantity == "trigger" else 0.0
+    beats = (_half_waves(good) / 2.0 if coil else pulse_count(good)) if quantity in TRAINS else 0.0
     every = beats / max(good.size, 1) * (channel.sample_rate or 1.0)
     return Proposal(path, name, channel, quantity, known, low, high, coil, False, bool(base), levels, every)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime, time
 from pathlib import Path
@@ -22,16 +22,19 @@ from camtorque.ingest.plausibility import check_loads, check_trigger, check_trig
 from camtorque.ingest.pump_sizes import check_pump
 from camtorque.ingest.raw import RawChannel, RawFile
 from camtorque.ingest.sensitivity import over_supplies, with_supplies
-from camtorque.ingest.sensors import Sensor, certificate_age, read_sensor
+from camtorque.ingest.sensors import FIRST_STAMP, Sensor, certificate_age, read_sensor
 from camtorque.ingest.starts import starts, time_findings
 from camtorque.ingest.table_file import commented_rows
 from camtorque.ingest.zeros import with_idle_zero
 from camtorque.records import CamTable, Channel, Finding, Recording, Refusal, SensorCalibration
+from camtorque.signal.running import percentile
 from camtorque.units import ATMOSPHERE, UNIT_OFFSETS, absolute_unit, is_known_unit, tidy_unit
 
 LEAST_IDLE_SAMPLES = 100
 SPAN_SAMPLES = 1_000_000
 """Samples looked at for the range of a channel whose sheet states none."""
+STRAY = 2.0
+"""A few samples beyond so many times all others are no part of the range, of which the accuracy is a share."""
 DURATION_TOLERANCE = 1.0e-4
 """Relative difference from a declared duration that a crystal may cause."""
 
@@ -62,7 +65,7 @@ def recording_of(config: RecordingConfig) -> Recording:
     files += [file for sensor in sensors.values() for file in sensor.files]
     files += [spec.path for spec in config.channels]
     recording = Recording(
-        config=config,
+        config=_dated(config, raw.values()),
         channels=channels,
         lift_table=cam_table,
         inputs=input_files(*files),
@@ -79,6 +82,14 @@ def recording_of(config: RecordingConfig) -> Recording:
     check_trigger_exchanged(recording)
     plausible = [*_plausible(config, cam_table), *check_loads(recording)]
     return replace(recording, findings=(*recording.findings, *plausible))
+
+
+def _dated(config: RecordingConfig, raw: Iterable[RawChannel]) -> RecordingConfig:
+    """Return the configuration with the day that the logs state, where it states none."""
+    stamps = [channel.stamp for channel in raw if channel.stamp is not None and channel.stamp >= FIRST_STAMP]
+    if config.date is not None or not stamps:
+        return config
+    return replace(config, date=datetime.fromtimestamp(min(stamps), UTC).date())
 
 
 def _plausible(config: RecordingConfig, table: CamTable | None) -> list[Finding]:
@@ -166,10 +177,14 @@ def read_sensors(
 
 
 def _span(raw: RawChannel, scale: float) -> float:
-    """Return the largest value of a channel [SI], as far as its first samples tell."""
+    """Return the largest value of a channel that is no stray one [SI], as far as its first samples tell."""
     values = np.abs(raw.source.read(0, min(raw.source.n_samples, SPAN_SAMPLES)))
     values = values[np.isfinite(values)]
-    return float(values.max()) * scale if values.size else 0.0
+    if not values.size:
+        return 0.0
+    # a stroke is above half of its peak for more than two degrees
+    top, usual = float(values.max()), percentile(values, 99.5)
+    return scale * (top if top <= STRAY * usual or not usual else usual)
 
 
 def _channel(

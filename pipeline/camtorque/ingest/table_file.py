@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from camtorque.config.tables import what_is_beside
+from camtorque.config.tables import no_file, what_is_beside
 from camtorque.ingest.csv_layout import HEAD_BYTES, utf16
 from camtorque.ingest.csv_table import grouped, split_row
 from camtorque.ingest.formats import UNREADABLE, ZIP_MAGIC
@@ -124,7 +124,7 @@ def commented_rows(path: Path, what: str) -> tuple[str, list[tuple[int, list[str
     try:
         if not path.is_file():
             raise Refusal(
-                f"{path}: no such file; expected {what} (paths are relative to the file that names it)"
+                f"{path}: {no_file(path)}; expected {what} (paths are relative to the file that names it)"
                 f"{what_is_beside(path)}"
             )
         size = path.stat().st_size

@@ -59,14 +59,26 @@ def rows_without_time(times: SampleSource) -> tuple[int, int]:
 def rows_of(source: SampleSource, every: int) -> slice:
     """Return the rows that hold a channel: one in so many where a faster one fills the rows between, else all.
 
-    Only where its values stand in each ``every``-th row and nowhere else; the cells between are blank.
+    Only where its values stand in each ``every``-th row, or nowhere; the cells between are blank.
     """
     every = max(every, 1)
     block = every * max(ROWS // every, 1)
     held: set[int] = set()
     for low in range(0, source.n_samples if every > 1 else 0, block):
         held |= set((np.flatnonzero(np.isfinite(source.read(low, low + block))) % every).tolist())
-    return slice(held.pop(), None, every) if len(held) == 1 else slice(0, None, 1)
+    return slice(held.pop() if held else 0, None, every) if len(held) < 2 else slice(0, None, 1)
+
+
+def spaced(source: SampleSource, times: SampleSource, every: int) -> tuple[SampleSource, SampleSource] | None:
+    """Return samples and times of a channel in most ``every``-th rows where rows were lost, None for another channel.
+
+    Behind a gap of the log it stands in other rows; the times tell.
+    """
+    values = source.read(0, source.n_samples)
+    there = np.flatnonzero(np.isfinite(values))
+    if there.size < 2 or float(np.mean(np.diff(there) != every)) > MANY_UNEVEN:
+        return None
+    return ArraySource(values[there]), ArraySource(times.read(0, times.n_samples)[there])
 
 
 def usual_distance(source: SampleSource) -> int:

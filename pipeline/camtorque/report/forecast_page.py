@@ -20,7 +20,7 @@ from camtorque.report.chart import CAM_ANGLE, CYCLE, Band, Curves, Line, Panel
 from camtorque.report.files import write_json, write_page
 from camtorque.report.numbers import UNKNOWN, plus_minus, rounded_to_error, significant, words
 from camtorque.report.page import Drawing, drawing_of, render
-from camtorque.units import BAR, DEGREE, RPM, TURN
+from camtorque.units import BAR, DEGREE, RPM, TURN, short
 from camtorque.version import __version__
 
 SCHEMA = "camtorque.predict_from/1"
@@ -303,7 +303,7 @@ def ending_text(item: Forecast) -> tuple[str, ...]:
         return ()
     other, so = item.other, ENDED_BY[item.other.structure]
     more = "higher" if other.difference > 0.0 else "lower"
-    apart = f"{abs(other.difference):.2g} N m {more} at {other.angle / DEGREE:.0f} deg of cam angle"
+    apart = f"{short(abs(other.difference), 2)} N m {more} at {other.angle / DEGREE:.0f} deg of cam angle"
     return (
         f"{NOT_TOLD}: it is {ENDED_BY[item.ending]} as in the fitted recordings. If {so} ends it, the torque at "
         f"{item.speed / RPM:.4g} rpm is up to {apart}: --ending {other.structure} predicts it, --ending {EITHER} holds "

@@ -1,0 +1,49 @@
+"""Folders at or below one that hold a file; symbolic links are followed, loops refused."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from camtorque.hashes import real_path
+from camtorque.records import Refusal
+
+
+def files_below(folder: Path, name: str) -> list[Path]:
+    """Return the files of a name in and below a folder, in order; one that several links lead to once.
+
+    Raises
+    ------
+    Refusal : a link leads back to a folder above it
+    """
+    found = sorted(walk(folder, name, [])) if folder.is_dir() else []
+    return list({real_path(path): path / name for path in reversed(found)}.values())[::-1]
+
+
+def walk(folder: Path, name: str, closed: list[Path], above: tuple[tuple[int, int], ...] = ()) -> Iterator[Path]:
+    """Yield the folders that hold a file of a name; hidden ones may be half-written and are passed over.
+
+    Folders below that may not be read, and links that lead nowhere, are added to ``closed``.
+    """
+    status = folder.stat()
+    own = (status.st_dev, status.st_ino)
+    if own in above:
+        raise Refusal(f"{folder}: found a link that leads back to a folder above it, expected no loop; remove the link")
+    try:
+        entries = os.scandir(folder)
+    except PermissionError:
+        if not above:
+            raise
+        closed.append(folder)
+        return
+    with entries:
+        for entry in entries:
+            if entry.name == name:
+                yield folder
+            elif entry.name.startswith("."):
+                continue
+            elif Path(entry).is_dir():  # a link to itself is none
+                yield from walk(folder / entry.name, name, closed, (*above, own))
+            elif entry.is_symlink() and not Path(entry).exists():
+                closed.append(folder / entry.name)
