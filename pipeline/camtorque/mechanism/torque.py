@@ -196,7 +196,6 @@ class ClosedForm(ReadOnly):
     kinematics: Kinematics
     outputs: Mapping[str, Array]
     hertz_factor: Array
-    mounting: Mounting
     friction: Friction
     constants: Constants
 
@@ -265,7 +264,7 @@ def closed_form_tables(
     out = _tables(constants, np.stack([path.lift, path.velocity, path.acceleration]))
     factor = hertz_factor(pump, path.relative_radius)
     outputs = dict(zip(OUTPUTS, out, strict=True))
-    return ClosedForm(path, outputs, factor, mounting, friction, constants)
+    return ClosedForm(path, outputs, factor, friction, constants)
 
 
 def solve_lift(constants: Constants, lift: Array, pressure: Array, speed: Array, acceleration: Array) -> Array:
