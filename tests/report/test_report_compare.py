@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
 
@@ -104,6 +105,12 @@ def test_difference_is_after_minus_before() -> None:
     np.testing.assert_allclose(difference.lines[0].values, torque.lines[1].values - torque.lines[0].values)
     assert difference.lines[0].values.max() == pytest.approx(1.0)
     assert [item.label for item in pressure.lines] == ["line, before", "line, after"]
+
+
+def test_a_sensor_in_the_chamber_is_called_so() -> None:
+    inside = replace(pair(False), place="chamber")
+    pressure = compare_drawings(document(), [inside])[0].chart.panels[2]  # type: ignore[union-attr]
+    assert [item.label for item in pressure.lines] == ["chamber, before", "chamber, after"]
 
 
 def test_a_comparison_without_curves_has_its_tables(tmp_path: Path) -> None:

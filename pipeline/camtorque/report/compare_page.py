@@ -53,8 +53,9 @@ class ComparedCurves(ReadOnly):
     theta, lift : (n,) cam angle [rad], lift [m]
     torque_before, torque_after : (n,) measured mean torque [N m]
     torque_stderr : (n,) standard uncertainty of their difference, shared errors left out [N m]
-    pressure_before, pressure_after : (n,) mean line pressure [Pa]
-    chamber_before, chamber_after : (n,) rebuilt chamber pressure [Pa], None without
+    pressure_before, pressure_after : (n,) measured mean pressure [Pa]
+    chamber_before, chamber_after : (n,) rebuilt chamber pressure [Pa], None where the measured one is that
+    place : where the sensor of the measured pressure sits, ``line`` or ``chamber``
     """
 
     name: str
@@ -67,6 +68,7 @@ class ComparedCurves(ReadOnly):
     pressure_after: Array
     chamber_before: Array | None
     chamber_after: Array | None
+    place: str = "line"
 
 
 def write_compare(found: Mapping[str, Any], curves: Sequence[ComparedCurves], folder: Path) -> dict[str, Any]:
@@ -228,7 +230,8 @@ def _overlay(pair: ComparedCurves, document: Mapping[str, Any]) -> Curves:
     pressure = [
         Line(f"{kind}, {when}", values / BAR, tone, 1.4, dash)
         for kind, when, values, tone, dash in (
-            ("line", "before", pair.pressure_before, "measured", ""), ("line", "after", pair.pressure_after, "c1", ""),
+            (pair.place, "before", pair.pressure_before, "measured", ""),
+            (pair.place, "after", pair.pressure_after, "c1", ""),
             ("chamber", "before", pair.chamber_before, "fitted", "6 3"),
             ("chamber", "after", pair.chamber_after, "c3", "6 3"),
         )
