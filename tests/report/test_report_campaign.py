@@ -136,6 +136,16 @@ def test_a_refused_recording_is_listed_with_its_reason(small: tuple[Path, Campai
     assert doc["recordings"][3]["explained"] is None
 
 
+def test_a_part_of_the_page_without_anything_in_it_has_no_heading(small: tuple[Path, CampaignResult]) -> None:
+    folder, result = small
+    heads = ['id="overlay"', 'href="#overlay"', 'id="explorer"', 'href="#explorer"']
+    for entries, there in ((result.entries, 4), (result.entries[:1], 2), (result.entries[-1:], 0)):
+        one = replace(result, entries=entries)
+        view = campaign_view(entries, folder)
+        page = campaign_page(campaign_document(one), view, campaign_drawings(one, view))
+        assert [head in page for head in heads] == [place < there for place in range(4)]
+
+
 def test_a_recording_whose_report_is_gone_has_its_row_but_no_curve(tmp_path: Path) -> None:
     doc = write_run(run_result(), tmp_path)
     result = CampaignResult((entry("gone", doc),), None, (), {}, "2026-01-01T00:00:00+00:00")
@@ -323,6 +333,7 @@ def test_the_headline_names_what_is_predicted_badly_with_its_highest_torque() ->
     text = verdict_text(doc)
     assert "2 of 3 recordings are met within 0.17 to 0.28 % of the peak torque (RMS)." in text
     assert text.endswith("Predicted worse: B, 5.5 % of the peak (RMS), its highest torque 41 % too high.")
+    assert "1 of 2 recordings is met within 0.17 % of the peak" in verdict_text({**doc, "held_out": held[:2]})
 
 
 def test_an_unexplained_recording_is_in_the_headline_which_is_not_green(small: tuple[Path, CampaignResult]) -> None:

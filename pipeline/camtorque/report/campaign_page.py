@@ -170,8 +170,9 @@ def left_out_text(doc: Mapping[str, Any]) -> str:
     text = ""
     if good:
         ends = dict.fromkeys(significant(row["metrics"]["rms_percent_of_peak"], 2) for row in (good[0], good[-1]))
-        who = f"with their own zero and end of delivery, {len(good)} of {len(known)} recordings are"
-        text = f" Predicted from the others, {who} met within {' to '.join(ends)} % of the peak torque (RMS)."
+        who = f"{len(good)} of {len(known)} recordings {'are' if len(good) > 1 else 'is'}"
+        text = " Predicted from the others, with their own zero and end of delivery, "
+        text += f"{who} met within {' to '.join(ends)} % of the peak torque (RMS)."
     return text + (f" Predicted worse: {_some(poor, '; ')}." if poor else "")
 
 
