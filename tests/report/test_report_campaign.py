@@ -9,6 +9,7 @@ from html import unescape
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 from camtorque.fit.arrow import ArrowCovariance
@@ -75,6 +76,18 @@ def test_what_is_shown_comes_from_the_reports(small: tuple[Path, CampaignResult]
     assert by_label["parameter: feed pressure"].unit == "bar"
     assert view.torque.shape == (3, 360)
     np.testing.assert_allclose(view.torque[0], np.mean(run_result().cycles.torque, axis=0)[::2])
+
+
+@pytest.mark.parametrize("size", [600, 1000, 3600])
+def test_a_curve_stands_at_its_angles_whatever_the_grid_of_its_recording(size: int, tmp_path: Path) -> None:
+    angle = 2.0 * np.pi * np.arange(size) / size
+    with h5py.File(tmp_path / "cycles.h5", "w") as file:
+        file["mean/torque"], file["model/fitted"] = 50.0 * np.cos(angle), 50.0 * np.cos(angle) - np.sin(angle)
+    view = campaign_view((CampaignEntry("a", "a", "ok", "", {}),), tmp_path.parent)
+    assert np.isnan(view.torque).all(), "there is none of that name"
+    view = campaign_view((CampaignEntry("a", "a", "ok", "", {}, tmp_path.name),), tmp_path.parent)
+    np.testing.assert_allclose(view.torque[0], 50.0 * np.cos(view.theta), atol=2e-3)
+    np.testing.assert_allclose(view.residual[0], np.sin(view.theta), atol=1e-4)
 
 
 def test_a_trend_shows_no_interval_of_a_recording_that_is_not_explained(tmp_path: Path) -> None:
