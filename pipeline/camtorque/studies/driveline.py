@@ -143,7 +143,7 @@ def march_periodic(table: Array, shaft: Shaft, scheme: str, steps: int) -> tuple
     kept = np.empty((steps, 2))
     bounded = bool(march(table, shaft, SCHEMES.index(scheme), steps, kept))
     lead, rate = kept.T
-    return np.arange(steps) * (TURN / steps) + lead, -shaft.stiffness * lead - shaft.damping * rate, bounded
+    return angle_grid(steps) + lead, -shaft.stiffness * lead - shaft.damping * rate, bounded
 
 
 def collocation(shaft: Shaft, elements: int, stages: int) -> tuple[Array, Array, bool]:
