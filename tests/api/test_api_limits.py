@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from camtorque import cli
-from camtorque.commands.options import run_options
+from camtorque.commands.run import run_options
 from camtorque.config.tables import Refusals
 from camtorque.laws import STATED_NAMES
 from camtorque.limits import (
