@@ -14,7 +14,7 @@ import pytest
 from camtorque import __version__, cli
 from camtorque.align import align
 from camtorque.align.options import LARGEST_GRID as LARGEST_ALIGNED
-from camtorque.commands import COMMANDS, Outcome, campaign, check, options, run, texts
+from camtorque.commands import COMMANDS, Outcome, campaign, check, run, texts
 from camtorque.commands.arguments import FASTEST_RPM, LARGEST_GRID, LEAST_GRID, SHELLS
 from camtorque.config.schemas import CAM_SPEED
 from camtorque.fit.prepare import mean_cycles
@@ -386,7 +386,7 @@ def test_tolerance_of_a_prediction_stands_on_its_page(tmp_path: Path, capsys: py
 
 def test_tolerance_of_a_run_is_a_finding() -> None:
     parsed = cli.build_parser().parse_args(["run", "r", "--out", "o", "--quiet", "--tolerance", "1e-4"])
-    (note,) = options.run_options(parsed, silent).align.notes
+    (note,) = run.run_options(parsed, silent).align.notes
     assert note.code == "grid_error"
 
 

@@ -157,6 +157,14 @@ def test_a_campaign_names_what_is_unexplained_and_shows_the_peak_of_each_predict
     assert rows[0].index("470.0") + len("470.0") == head.index("rpm") + len("rpm")
 
 
+@pytest.mark.parametrize(("gap", "told"), [(-0.004, "+0.00 %"), (-0.006, "-0.01 %"), (18.7, "+18.70 %")])
+def test_what_rounds_to_nothing_is_not_negative(gap: float, told: str) -> None:
+    doc = document()
+    doc["metrics"]["fitted_held_out_cycles"] = {**doc["metrics"]["rigid"], "forward_gap_percent": gap}
+    line = next(line for line in run_table(doc).splitlines() if line.startswith("fitted (held-out)"))
+    assert told in line
+
+
 def test_a_place_that_the_text_names_is_not_repeated() -> None:
     row = {"severity": "warning", "text": "shaft_drag drifts", "where": "shaft_drag"}
     assert finding_lines([row]) == ["warning   shaft drag drifts"]

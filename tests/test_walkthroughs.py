@@ -23,7 +23,7 @@ ADDED = {
         "from camtorque.studies.samples import samples_chart\n",
     ),
     "A section of the report": (
-        "report/sections/steadiness.html", "report/page.py", '    "inside": Section("Inside the pump"),\n', ""
+        "report/sections/steadiness.html", "report/page.py", '    "inside": "Inside the pump",\n', ""
     ),
 }  # fmt: skip
 """Heading of the page -> the one file, the file that gets the one line, behind what, and its import."""

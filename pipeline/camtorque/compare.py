@@ -303,12 +303,13 @@ def compared_curves(compared: Compared) -> ComparedCurves:
     def fine(angles: Array, values: Array) -> Array:
         return np.asarray(np.interp(theta, angles, values, period=2.0 * np.pi))
 
-    pressures = [output.pressure for output in compared.found.state.outputs]
+    inside = before.recording.config.measures_chamber  # as on the other side: another place is refused
+    old, new = (None if inside else fine(n, output.pressure) for output in compared.found.state.outputs)
     return ComparedCurves(
         f"{before.cycles.mean_speed / RPM:.0f} rpm", theta, before.rigid.lift, before.means.torque_all,
         fine(after.cycles.theta, after.means.torque_all), fine(centres, np.sqrt(np.diag(apart))),
-        before.means.pressure_all, fine(after.cycles.theta, after.means.pressure_all), fine(n, pressures[0]),
-        fine(n, pressures[1]),
+        before.means.pressure_all, fine(after.cycles.theta, after.means.pressure_all), old, new,
+        "chamber" if inside else "line",
     )  # fmt: skip
 
 

@@ -18,6 +18,7 @@ import pandas as pd
 from scipy.io import savemat
 
 from camtorque.records import UNTOLD, Array, Refusal
+from camtorque.report.numbers import unit_text, words
 from camtorque.units import BAR, DEGREE, RPM
 
 BORDER = {
@@ -214,7 +215,7 @@ def informed_parameters(documents: Mapping[str, Mapping[str, Any]]) -> dict[str,
     for document in documents.values():
         for name, row in document["parameters"].items() if document["explained"] else ():
             if _informed(row) and row.get("role") == "shared":
-                found[name] = f"{name.replace('_', ' ')} / {row['unit']}"
+                found[name] = " / ".join(filter(None, (words(name), unit_text(row["unit"]))))
     return found
 
 

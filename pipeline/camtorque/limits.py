@@ -93,9 +93,13 @@ class Limit:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What one limit says of one result; ``value`` and ``stderr`` are None where the result does not tell."""
+    """What one limit says of one result; ``value`` and ``stderr`` are None where the result does not tell.
+
+    unit : of the band, else the one in which the result states its number
+    """
 
     limit: Limit
+    unit: str
     value: float | None
     stderr: float | None
     verdict: str
@@ -140,16 +144,18 @@ def _judged(document: Mapping[str, Any], limit: Limit) -> Verdict:
     value = group.get(last) if isinstance(group, Mapping) else None
     if isinstance(value, bool) or not isinstance(value, int | float):
         measured = above[:1] == ["chamber"] and "chamber" in document and document["chamber"] is None
-        return Verdict(limit, None, None, CANNOT_TELL, NOT_REBUILT if measured else NO_NUMBER)
+        return Verdict(limit, limit.unit, None, None, CANNOT_TELL, NOT_REBUILT if measured else NO_NUMBER)
     unit = _unit_of_name([last]) or group.get("unit") or _unit_of_name(list(reversed(above)))
-    if limit.unit and plain_unit(limit.unit) != plain_unit(unit):
-        told = f"in {unit}" if unit else "without a unit"
-        return Verdict(limit, float(value), None, CANNOT_TELL, f"the band is in {limit.unit}, the result {told}")
     beside = document.get(f"{above[-1]}_stderr") if above else None
     error = group.get("stderr") if last == "value" else (beside or {}).get(last)
-    if limit.quantity.startswith(FITTED) and not document.get("explained", True):
-        return Verdict(limit, float(value), error, CANNOT_TELL, "the model leaves the recording unexplained")
-    return _compared(limit, float(value), None if error is None else float(error))
+    if limit.unit and plain_unit(limit.unit) != plain_unit(unit):
+        told = f"in {unit}" if unit else "without a unit"
+        error, said = None, (CANNOT_TELL, f"the band is in {limit.unit}, the result {told}")
+    elif limit.quantity.startswith(FITTED) and not document.get("explained", True):
+        said = CANNOT_TELL, "the model leaves the recording unexplained"
+    else:
+        said = _compared(limit, float(value), error)
+    return Verdict(limit, limit.unit or unit, float(value), error, *said)
 
 
 def _unit_of_name(names: Sequence[str]) -> str:
@@ -157,18 +163,17 @@ def _unit_of_name(names: Sequence[str]) -> str:
     return next((unit for name in names for end, unit in UNIT_OF_ENDING.items() if name.endswith(end)), "")
 
 
-def _compared(limit: Limit, value: float, stderr: float | None) -> Verdict:
-    """Compare a value with its band; with a guard, a band that the uncertainty reaches across is not decided."""
+def _compared(limit: Limit, value: float, stderr: float | None) -> tuple[str, str]:
+    """Return verdict and reason; with a guard, a band that the uncertainty reaches across is not decided."""
     low, high = -np.inf if limit.min is None else limit.min, np.inf if limit.max is None else limit.max
     if limit.guard and stderr is None:
-        return Verdict(limit, value, None, CANNOT_TELL, "a guard is wanted and the result states no uncertainty")
+        return CANNOT_TELL, "a guard is wanted and the result states no uncertainty"
     spread = limit.guard * (stderr or 0.0)
     if low <= value - spread and value + spread <= high:
-        return Verdict(limit, value, stderr, PASS, "")
+        return PASS, ""
     if value + spread < low or value - spread > high:
-        off = f"{value - high:.4g} above the band" if value > high else f"{low - value:.4g} below the band"
-        return Verdict(limit, value, stderr, FAIL, off)
-    return Verdict(limit, value, stderr, CANNOT_TELL, f"within {limit.guard:g} standard uncertainties of a limit")
+        return FAIL, f"{value - high:.4g} above the band" if value > high else f"{low - value:.4g} below the band"
+    return CANNOT_TELL, f"within {limit.guard:g} standard uncertainties of a limit"
 
 
 def overall(verdicts: Sequence[Verdict]) -> str:
@@ -216,8 +221,5 @@ def quantities(document: Mapping[str, Any], above: str = "") -> list[str]:
 
 def limits_document(verdicts: Sequence[Verdict]) -> dict[str, Any]:
     """Return verdicts as a part of result.json: ``verdict`` and one row per limit."""
-    rows = [
-        {**asdict(row.limit), "value": row.value, "stderr": row.stderr, "verdict": row.verdict, "reason": row.reason}
-        for row in verdicts
-    ]
+    rows = [{**row.pop("limit"), **row} for row in map(asdict, verdicts)]
     return {"verdict": overall(verdicts), "rows": rows}

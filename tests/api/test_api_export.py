@@ -113,6 +113,15 @@ def test_tables_of_an_unexplained_report_state_no_interval(tmp_path: Path) -> No
     assert informed_parameters({"A": document}) == {}
 
 
+def test_a_trend_names_its_parameters_with_units_as_they_are_printed() -> None:
+    row = {"value": 1.0, "knowledge": "measured", "role": "shared"}
+    units = {"dead_volume": "mm^3", "bulk_modulus_slope": "-", "bearing_arm": "um"}
+    document = {"explained": True, "parameters": {name: {**row, "unit": unit} for name, unit in units.items()}}
+    assert list(informed_parameters({"A": document}).values()) == [
+        "dead volume / mm³", "bulk modulus slope", "bearing arm / µm",
+    ]  # fmt: skip
+
+
 def test_further_channels_have_their_tables(tmp_path: Path) -> None:
     result = run_result()
     shape = result.cycles.pressure.shape

@@ -8,10 +8,19 @@ from pathlib import Path
 
 import pytest
 from camtorque import cli
-from camtorque.commands.options import run_options
+from camtorque.commands.run import run_options
 from camtorque.config.tables import Refusals
 from camtorque.laws import STATED_NAMES
-from camtorque.limits import UNIT_OF_ENDING, Limit, judge, overall, quantities, read_limits, refuse_unknown
+from camtorque.limits import (
+    UNIT_OF_ENDING,
+    Limit,
+    judge,
+    limits_document,
+    overall,
+    quantities,
+    read_limits,
+    refuse_unknown,
+)
 from camtorque.records import Refusal
 from camtorque.report.write import write_run
 from camtorque.results import find_results
@@ -273,6 +282,19 @@ def test_a_loss_is_judged_in_joule_and_the_closure_in_percent() -> None:
     )
     assert [row.verdict for row in judge(document, limits)] == ["pass"] * 3
     assert judge(document, [Limit("losses.friction", None, 4.0, "%")])[0].verdict == "cannot tell"
+
+
+@pytest.mark.parametrize(("quantity", "stated", "unit"), [
+    ("chamber.peak_bar.value", "", "bar"), ("losses.friction", "", "J per revolution"), ("losses.friction", "J", "J"),
+    ("recording.cycles_used", "", ""), ("parameters.leakage.value", "mm3/s/bar", "mm3/s/bar"),
+])  # fmt: skip
+def test_a_verdict_has_the_unit_of_its_number_where_the_band_states_none(quantity: str, stated: str, unit: str) -> None:
+    document = {
+        "explained": True, "chamber": {"peak_bar": {"value": 3.0, "stderr": 0.1}}, "recording": {"cycles_used": 3},
+        "losses": {"unit": "J per revolution", "friction": 3.0}, "parameters": {},
+    }  # fmt: skip
+    (row,) = limits_document(judge(document, [Limit(quantity, 0.0, 4.0, stated)]))["rows"]
+    assert row["unit"] == unit
 
 
 def test_a_guard_on_a_loss_takes_the_uncertainty_that_stands_beside_it() -> None:

@@ -17,6 +17,7 @@ from camtorque.compare import (
     _sheets,
     aligned,
     compare,
+    compared_curves,
     left_out_rows,
     matched,
     refuse_same,
@@ -30,7 +31,7 @@ from camtorque.progress import silent
 from camtorque.records import Finding, InputFile, Refusal
 from camtorque.report.compare_page import EVENTS, compare_events, left_out
 from camtorque.results import recording_path
-from camtorque.units import RPM
+from camtorque.units import RPM, angle_grid
 from damaged.logs import Plan, clean_log, write_folder
 
 
@@ -166,6 +167,22 @@ def test_a_pressure_in_the_chamber_and_one_in_the_line_are_not_compared(tmp_path
             Refusal, match=r"place is the \w+ in \w+, the .* by its location, expected one place: .* correct loc"
         ):
             compare(*pair, tmp_path / "out")
+
+
+@pytest.mark.parametrize("inside", [False, True])
+def test_what_a_sensor_in_the_chamber_measures_is_not_rebuilt_beside_it(inside: bool) -> None:
+    theta, flat = angle_grid(12), np.ones(12)
+    config = SimpleNamespace(measures_chamber=inside)
+    side = SimpleNamespace(
+        recording=SimpleNamespace(config=config), cycles=SimpleNamespace(theta=theta, mean_speed=50.0),
+        means=SimpleNamespace(torque_all=flat, pressure_all=flat), rigid=SimpleNamespace(lift=flat),
+    )  # fmt: skip
+    state = SimpleNamespace(outputs=2 * [SimpleNamespace(pressure=2.0 * flat)])
+    two = SimpleNamespace(items=[SimpleNamespace(chain=SimpleNamespace(theta=theta))], difference_root=np.eye(12))
+    found = SimpleNamespace(before=side, after=side, pair=two, found=SimpleNamespace(state=state))
+    curves = compared_curves(found)  # type: ignore[arg-type]
+    assert curves.place == ("chamber" if inside else "line")
+    assert (curves.chamber_before is None, curves.chamber_after is None) == (inside, inside)
 
 
 def test_a_number_that_several_pairs_state_differently_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:

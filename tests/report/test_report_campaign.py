@@ -9,6 +9,7 @@ from html import unescape
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 from camtorque.fit.arrow import ArrowCovariance
@@ -77,6 +78,18 @@ def test_what_is_shown_comes_from_the_reports(small: tuple[Path, CampaignResult]
     np.testing.assert_allclose(view.torque[0], np.mean(run_result().cycles.torque, axis=0)[::2])
 
 
+@pytest.mark.parametrize("size", [600, 1000, 3600])
+def test_a_curve_stands_at_its_angles_whatever_the_grid_of_its_recording(size: int, tmp_path: Path) -> None:
+    angle = 2.0 * np.pi * np.arange(size) / size
+    with h5py.File(tmp_path / "cycles.h5", "w") as file:
+        file["mean/torque"], file["model/fitted"] = 50.0 * np.cos(angle), 50.0 * np.cos(angle) - np.sin(angle)
+    view = campaign_view((CampaignEntry("a", "a", "ok", "", {}),), tmp_path.parent)
+    assert np.isnan(view.torque).all(), "there is none of that name"
+    view = campaign_view((CampaignEntry("a", "a", "ok", "", {}, tmp_path.name),), tmp_path.parent)
+    np.testing.assert_allclose(view.torque[0], 50.0 * np.cos(view.theta), atol=2e-3)
+    np.testing.assert_allclose(view.residual[0], np.sin(view.theta), atol=1e-4)
+
+
 def test_a_trend_shows_no_interval_of_a_recording_that_is_not_explained(tmp_path: Path) -> None:
     entries = []
     for name, explained in (("a", True), ("b", False)):
@@ -134,6 +147,16 @@ def test_a_refused_recording_is_listed_with_its_reason(small: tuple[Path, Campai
     assert doc["recordings"][0]["folder"] == "runs/key 0#1"
     assert {key for row in doc["recordings"] for key in row} == set(doc["recordings"][3]), "null, and never left out"
     assert doc["recordings"][3]["explained"] is None
+
+
+def test_a_part_of_the_page_without_anything_in_it_has_no_heading(small: tuple[Path, CampaignResult]) -> None:
+    folder, result = small
+    heads = ['id="overlay"', 'href="#overlay"', 'id="explorer"', 'href="#explorer"']
+    for entries, there in ((result.entries, 4), (result.entries[:1], 2), (result.entries[-1:], 0)):
+        one = replace(result, entries=entries)
+        view = campaign_view(entries, folder)
+        page = campaign_page(campaign_document(one), view, campaign_drawings(one, view))
+        assert [head in page for head in heads] == [place < there for place in range(4)]
 
 
 def test_a_recording_whose_report_is_gone_has_its_row_but_no_curve(tmp_path: Path) -> None:
@@ -323,6 +346,7 @@ def test_the_headline_names_what_is_predicted_badly_with_its_highest_torque() ->
     text = verdict_text(doc)
     assert "2 of 3 recordings are met within 0.17 to 0.28 % of the peak torque (RMS)." in text
     assert text.endswith("Predicted worse: B, 5.5 % of the peak (RMS), its highest torque 41 % too high.")
+    assert "1 of 2 recordings is met within 0.17 % of the peak" in verdict_text({**doc, "held_out": held[:2]})
 
 
 def test_an_unexplained_recording_is_in_the_headline_which_is_not_green(small: tuple[Path, CampaignResult]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
 
@@ -80,6 +81,20 @@ def test_rows_stand_in_the_order_of_their_verdict() -> None:
     assert [item["smallest"] for item in rows] == ["–", "–", "0.066"]  # what changed was seen, however small
 
 
+def test_a_parameter_that_acts_by_its_logarithm_is_compared_by_factors() -> None:
+    bandwidth = row(0.4, 0.05, "changed", "ln(rad/s)") | {"before": 4.5, "after": 4.9}
+    (shown,) = compare_rows({"drive_bandwidth": bandwidth})
+    assert (shown["before"], shown["after"], shown["unit"]) == ("90.0", "134.3", "rad/s")
+    assert (shown["difference"], shown["sign"], shown["error"]) == ("× 1.492", "×/÷", "1.051")
+    assert shown["interval"] == "1.353 … 1.645"
+    quiet = compare_rows({"drive_bandwidth": {**bandwidth, "verdict": "not changed"}})[0]
+    assert quiet["smallest"] == "× 1.181"
+    unknown = {**bandwidth, "difference": None, "stderr": None, "ci95": None, "smallest_change": None}
+    assert compare_rows({"drive_bandwidth": {**unknown, "verdict": "cannot tell"}})[0]["difference"] == "–"
+    doc = {**document(), "changed": ["drive_bandwidth"], "parameters": {"drive_bandwidth": bandwidth}}
+    assert compare_answer(doc).startswith("drive bandwidth × 1.492 ×/÷ 1.051. ")
+
+
 @pytest.mark.parametrize("verdict", ["changed", "not changed", "cannot tell"])
 def test_every_verdict_has_its_sentence(verdict: str) -> None:
     assert "0.41 N m RMS" in compare_answer(document(verdict))
@@ -104,6 +119,12 @@ def test_difference_is_after_minus_before() -> None:
     np.testing.assert_allclose(difference.lines[0].values, torque.lines[1].values - torque.lines[0].values)
     assert difference.lines[0].values.max() == pytest.approx(1.0)
     assert [item.label for item in pressure.lines] == ["line, before", "line, after"]
+
+
+def test_a_sensor_in_the_chamber_is_called_so() -> None:
+    inside = replace(pair(False), place="chamber")
+    pressure = compare_drawings(document(), [inside])[0].chart.panels[2]  # type: ignore[union-attr]
+    assert [item.label for item in pressure.lines] == ["chamber, before", "chamber, after"]
 
 
 def test_a_comparison_without_curves_has_its_tables(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from camtorque.jsonable import clean
 from camtorque.records import LossEvidence, ResidualBump
 from camtorque.report.chart import Band, Curves, Line, Marks, Panel, RowPanel, Rows, Span, bump_spans, phases, strokes
 from camtorque.report.charts_svg import curves_svg, rows_svg
-from camtorque.report.fit_figures import evidence
+from camtorque.report.fit_figures import EVIDENCE_SHOWN, evidence
 from camtorque.report.numbers import (
     exponents,
     named,
@@ -28,6 +28,7 @@ from camtorque.report.numbers import (
 )
 from camtorque.report.payload import MISSING, chart_data, packed
 from camtorque.report.svg import Scale, dots, path_data, simplified, text_width, tick_text, ticks
+from camtorque.report.write import FIGURES
 from report_cases import NASTY, run_result
 
 
@@ -105,6 +106,15 @@ def test_names_of_near_bumps_stand_below_each_other() -> None:
     assert places[0][1] == places[2][1], "names with room stand in one line"
     assert places[-1][0] + 0.5 * text_width("bump 5") <= curves().width
     assert drawn.rindex('class="f-warnsoft"') < drawn.index(">bump 1<"), "no stretch covers the name of another"
+
+
+@pytest.mark.parametrize(("values", "left"), [((0.0, 1.0), 64.0), ((999.7, 1000.4), 28.0 + text_width("1000.2"))])
+def test_ticks_leave_room_for_the_name_of_their_ordinate(values: tuple[float, float], left: float) -> None:
+    lines = (Line("speed", np.array(values), "measured"),)
+    svg = curves_svg(Curves(np.array([0.0, 1.0]), "cycle", (Panel("speed [rpm]", lines),), full_turn=False), "")
+    assert f'<line x1="{left:.1f}"' in svg
+    ends = [float(x) for x in re.findall(r'<text x="([\d.]+)" y="[\d.]+" text-anchor="end"', svg)]
+    assert set(ends) == {round(left - 6.0, 1)}
 
 
 def test_a_gap_in_a_curve_stays_a_gap() -> None:
@@ -222,6 +232,10 @@ def test_numbers_are_written_out_and_names_of_parameters_are_words() -> None:
     assert (significant(120.4, 2), significant(1.5e7, 2)) == ("120", "1.5·10⁷")
     assert (with_sign(0.0351), with_sign(-0.0064), with_sign(0.001), with_sign(None)) == ("+0.04", "−0.01", "0.00", "–")
     assert named("coupling_resonance drifts; set zero_before_V") == "coupling resonance drifts; set zero_before_V"
+
+
+def test_the_caption_of_the_evidence_says_where_its_bars_end() -> None:
+    assert f"bars end at {EVIDENCE_SHOWN:g}" in FIGURES["evidence"].caption
 
 
 def test_the_chart_of_evidence_has_limits_where_a_verdict_was_not_computed() -> None:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from camtorque.records import CamCycles, Estimate, FittedTorque
-from camtorque.report.alignment import aligned_cycles
+from camtorque.report.alignment import aligned_cycles, write_alignment
 from camtorque.report.bundle import RunResult
 from camtorque.report.document import measured_chamber, measured_document
 from camtorque.report.texts import measured_text
@@ -67,6 +68,14 @@ def test_a_temperature_is_shown_in_degrees_centigrade() -> None:
     curves = {panel.ordinate: panel.lines[0].values for panel in aligned_cycles(result.cycles).panels}
     assert curves["fuel temperature [°C]"] == pytest.approx(330.0 - 273.15)
     assert curves["gallery pressure [bar]"] == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize(("inside", "place"), [(False, "line"), (True, "chamber")])
+def test_an_alignment_says_where_its_pressure_was_measured(inside: bool, place: str, tmp_path: Path) -> None:
+    result = run_result()
+    config = SimpleNamespace(**{**vars(result.recording.config), "measures_chamber": inside})
+    write_alignment(replace(result.recording, config=config), result.cycles, "2026-01-02T03:04:05+00:00", tmp_path)
+    assert f">{place} pressure [bar]<" in (tmp_path / "align.html").read_text(encoding="utf-8")
 
 
 def test_nothing_is_said_to_agree_within_uncertainties_where_the_model_fails() -> None:

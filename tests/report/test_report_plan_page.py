@@ -48,6 +48,12 @@ def test_every_run_has_a_row_with_cost_and_gain() -> None:
     assert "490 rpm lies beyond the fitted speeds" in page
 
 
+def test_speeds_beyond_the_fitted_ones_stand_in_a_row() -> None:
+    found = plan_document()
+    found["on_offer"] = [{**found["on_offer"][0], "speed_rpm": speed} for speed in (300.0, 2000.0, 400.0, 2500.0)]
+    assert "300, 400, 2000 and 2500 rpm lie beyond the fitted speeds: " in plan_page(found, "next")
+
+
 def test_what_is_gained_is_drawn_with_quantity_and_unit() -> None:
     expected, offer = plan_drawings(plan_document())
     assert expected.chart.labels == ("now", "after run 1", "after run 2")  # type: ignore[union-attr]

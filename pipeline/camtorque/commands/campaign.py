@@ -6,7 +6,7 @@ import argparse
 
 from camtorque.campaign import CampaignOptions, list_recordings, prune, run_campaign, run_only
 from camtorque.commands import FAULTS, REFUSED, Outcome, Tell
-from camtorque.commands.options import run_options
+from camtorque.commands.run import run_options
 from camtorque.commands.texts import campaign_table
 
 

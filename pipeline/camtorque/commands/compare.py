@@ -37,8 +37,8 @@ def compare_table(doc: Mapping[str, Any]) -> str:
         found = [row for row in rows if row["verdict"] == verdict]
         lines += [f"{verdict}:"] * bool(found)
         lines += [
-            f"{row['name']:21} {row['before']:>8} {row['after']:>8} {row['difference']:>8} ± {row['error']:<6} "
-            f"{row['smallest']:>8}   {row['unit']}".rstrip()
+            f"{row['name']:21} {row['before']:>8} {row['after']:>8} {row['difference']:>8} "
+            f"{row['sign'] + ' ' + row['error']:<8} {row['smallest']:>8}   {row['unit']}".rstrip()
             for row in found
         ]
     unknown = [row["name"] for row in rows if row["verdict"] == "cannot tell"]

@@ -28,7 +28,11 @@ ZSH = "autoload -U +X bashcompinit && bashcompinit\n"
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     """Return the lines for one shell."""
     words = {name: _words(name) for name in COMMANDS}
-    return Outcome(_fish(words) if arguments.shell == "fish" else _bash(words, arguments.shell), {})
+    if arguments.shell == "fish":
+        return Outcome(_fish(words), {})
+    cases = "\n".join(f'    {name}) words="{" ".join(row)}" ;;' for name, row in words.items())
+    lines = BASH.format(cases=cases, names=" ".join(words)).rstrip()
+    return Outcome((ZSH if arguments.shell == "zsh" else "") + lines, {})
 
 
 def _words(name: str) -> list[str]:
@@ -39,11 +43,6 @@ def _words(name: str) -> list[str]:
     for action in parser._actions:  # noqa: SLF001  argparse has no public list of them
         found += action.option_strings or [str(choice) for choice in action.choices or ()]
     return sorted(set(found))
-
-
-def _bash(words: Mapping[str, list[str]], shell: str) -> str:
-    cases = "\n".join(f'    {name}) words="{" ".join(row)}" ;;' for name, row in words.items())
-    return (ZSH if shell == "zsh" else "") + BASH.format(cases=cases, names=" ".join(words)).rstrip()
 
 
 def _fish(words: Mapping[str, list[str]]) -> str:

@@ -1,19 +1,23 @@
-"""`camtorque run`: one recording to its report."""
+"""`camtorque run`: one recording to its report; and the options of a run, which a campaign has, too."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
+from camtorque.align import AlignOptions
 from camtorque.commands import OUTSIDE, Outcome, Tell
-from camtorque.commands.options import run_options
+from camtorque.commands.arguments import LEAST_GRID
 from camtorque.commands.texts import limit_lines, run_table
+from camtorque.grid_choice import grid_note
 from camtorque.hashes import real_path
-from camtorque.limits import PASS
+from camtorque.laws import STATED_NAMES
+from camtorque.limits import PASS, read_limits, refuse_unknown_parameters
 from camtorque.process.second_process import second_process
+from camtorque.records import Refusal, require
 from camtorque.report.folder import seal
 from camtorque.report.write import write_pdf
-from camtorque.run import run_recording
+from camtorque.run import RunOptions, run_recording
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
@@ -36,3 +40,29 @@ def default_out(recording: Path) -> Path:
     """Return ``reports/NAME``; NAME is the folder that holds recording.toml."""
     folder = real_path(recording)
     return Path("reports") / (folder.parent if recording.suffix == ".toml" else folder).name
+
+
+def run_options(arguments: argparse.Namespace, tell: Tell) -> RunOptions:
+    """Return the options of `run` and `campaign`.
+
+    Raises
+    ------
+    Refusal : a grid and a tolerance together; an optional package that a choice needs is missing; a limit of a
+        parameter that there is not
+    """
+    if getattr(arguments, "pdf", False):
+        require(("weasyprint",), "--pdf", "pdf")
+    given = getattr(arguments, "limits", None)
+    limits = () if given is None else read_limits(given)
+    refuse_unknown_parameters(limits, STATED_NAMES)
+    return RunOptions(_align(arguments, tell), limits=limits)
+
+
+def _align(arguments: argparse.Namespace, tell: Tell) -> AlignOptions:
+    if arguments.tolerance is None:
+        return AlignOptions() if arguments.n_theta is None else AlignOptions(n_theta=arguments.n_theta)
+    if arguments.n_theta is not None:
+        raise Refusal("--tolerance, --n-theta: found both, expected one of them; the tolerance chooses the grid")
+    n_theta, note = grid_note(arguments.tolerance, LEAST_GRID)
+    tell(note.text)
+    return AlignOptions(n_theta=n_theta, notes=(note,))

@@ -38,7 +38,7 @@ def run_table(doc: Mapping[str, Any]) -> str:
         row = metrics[name]
         lines.append(
             f"{label:22}{row['rms_nm']:7.3f} N m{row['rms_percent_of_peak']:6.2f} %"
-            f"{row['forward_gap_percent']:+11.2f} %{row['return_min_model_nm']:13.2f} N m"
+            f"{_signed(row['forward_gap_percent'], 2):>11} %{row['return_min_model_nm']:13.2f} N m"
         )
     lines.append(f"{'measured (held-out)':22}{'':32}{row['return_min_measured_nm']:13.2f} N m")
     trigger, chamber, losses = doc["alignment"]["trigger_angle_deg"], doc["chamber"], doc["losses"]
@@ -81,6 +81,11 @@ def _work(doc: Mapping[str, Any]) -> str:
     return " + ".join(texts)
 
 
+def _signed(value: float, decimals: int) -> str:
+    """Return a number with its sign; what rounds to nothing has that of nothing."""
+    return f"{round(value, decimals) + 0.0:+.{decimals}f}"
+
+
 def campaign_table(doc: Mapping[str, Any]) -> str:
     """Return the content of campaign.json as a compact table."""
     wide = max(22, *(len(row["name"]) for row in doc["recordings"]))
@@ -95,7 +100,7 @@ def campaign_table(doc: Mapping[str, Any]) -> str:
         shares = [row["metrics"]["rigid"], row["metrics"]["fitted_held_out_cycles"],
                   (row["metrics_joint"] or {}).get("fitted_held_out_cycles"), out]  # fmt: skip
         texts = [f"{m['rms_percent_of_peak']:.{2 if k == 0 else 3}f} %" if m else "-" for k, m in enumerate(shares)]
-        high = f"{known_metrics(out).peak_excess_percent:+.1f} %" if out else "-"
+        high = f"{_signed(known_metrics(out).peak_excess_percent, 1)} %" if out else "-"
         name = f"{row['name']:{wide}}{row['speed_rpm']:8.1f}"
         lines.append(f"{name}{texts[0]:>11}{texts[1]:>9}{texts[2]:>9}{texts[3]:>9}{high:>12}")
     if said := needs(doc["evidence"]):

@@ -226,7 +226,7 @@ def _set_warm(rows: dict[str, ParameterRow], fluid: FluidSpec, temperature: floa
     modulus = modulus_prior(fluid.name, temperature)
     if modulus is not None:
         _set_prior(rows, "bulk_modulus", *modulus)
-    if temperature is None or kind_of(fluid.name) is HEAVY:  # which is heated until it is as thin as a pump needs it
+    if temperature is None or kind_of(fluid.name) == HEAVY:  # which is heated until it is as thin as a pump needs it
         return
     ratio = viscosity_ratio(temperature)
     for name, factor in {"leakage": 1.0 / ratio, "plunger_viscous": ratio}.items():

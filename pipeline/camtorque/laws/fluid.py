@@ -48,29 +48,28 @@ UNKNOWN_WARMTH = 15.0
 """Standard uncertainty of a temperature that nobody states, about 40 degrees [K]."""
 WARMTH_STD = 3.0
 """How far the fuel in the chamber is from the inlet [K]."""
-BIODIESEL = re.compile(r"bio.?diesel|methyl.?ester|\b(fame|rme|sme|b100)\b|en.?14214", re.IGNORECASE)
-GASOLINE = re.compile(r"gasoline|petrol(?!eum)|benzin|\botto|en.?228|\be(5|10|20)\b", re.IGNORECASE)
-ALCOHOL = re.compile(r"methanol|ethanol|alcohol|\b(e85|e100|m85|m100)\b", re.IGNORECASE)
-KEROSENE = re.compile(r"kerosene|kerosin|\bjet.?a(.?1)?\b|avtur|\bjp.?[58]\b", re.IGNORECASE)
-HEAVY = re.compile(
-    r"heavy.?fuel|\b(hfo|ifo|vlsfo|bunker)|residual.(fuel|oil)|\brm[a-k].?\d|schwer(ö|oe)l", re.IGNORECASE
-)
-MARINE = re.compile(r"marine|\b(mgo|mdo|dm[abxz])\b", re.IGNORECASE)
-PARAFFINIC = re.compile(r"\b(hvo|gtl)|paraffinic|en.?15940", re.IGNORECASE)
-UREA = re.compile(r"urea|adblue|\baus.?32", re.IGNORECASE)
-DIESEL = re.compile(r"diesel|gas.?oil|gasöl|iso.?4113|en.?590|test.?oil|calibration|normafluid|prüföl", re.IGNORECASE)
 MINOR = re.compile(
     r"\w+-free\b|\bfree of \w+|\b(no|non|without)[- ]\w+|(?<![\d.,])[1-4]?\d([.,]\d+)?\s?%\s(of\s)?\w+"
     r"|\w+\s[1-4]?\d([.,]\d+)?\s?%\s*(?=$|[,;)])",
     re.IGNORECASE,
 )
 """What a name says is not in a fuel, or less than half of it."""
-MODULI = {
-    BIODIESEL: (1.55e9, 0.12e9), GASOLINE: (1.00e9, 0.12e9), ALCOHOL: (0.89e9, 0.08e9), KEROSENE: (1.21e9, 0.09e9),
-    HEAVY: (2.05e9, 0.20e9), MARINE: (1.47e9, 0.13e9), PARAFFINIC: (1.25e9, 0.09e9), UREA: (2.70e9, 0.20e9),
-    DIESEL: (1.33e9, 0.10e9),
+HEAVY = "heavy fuel"
+KINDS: dict[str, tuple[float, float, str]] = {
+    "biodiesel": (1.55e9, 0.12e9, r"bio.?diesel|methyl.?ester|\b(fame|rme|sme|b100)\b|en.?14214"),
+    "gasoline": (1.00e9, 0.12e9, r"gasoline|petrol(?!eum)|benzin|\botto|en.?228|\be(5|10|20)\b"),
+    "alcohol": (0.89e9, 0.08e9, r"methanol|ethanol|alcohol|\b(e85|e100|m85|m100)\b"),
+    "kerosene": (1.21e9, 0.09e9, r"kerosene|kerosin|\bjet.?a(.?1)?\b|avtur|\bjp.?[58]\b"),
+    HEAVY: (2.05e9, 0.20e9,
+                 r"heavy.?fuel|\b(hfo|ifo|vlsfo|bunker)|residual.(fuel|oil)|\brm[a-k].?\d|schwer(ö|oe)l"),
+    "marine distillate": (1.47e9, 0.13e9, r"marine|\b(mgo|mdo|dm[abxz])\b"),
+    "paraffinic diesel": (1.25e9, 0.09e9, r"\b(hvo|gtl)|paraffinic|en.?15940"),
+    "urea solution": (2.70e9, 0.20e9, r"urea|adblue|\baus.?32"),
+    "diesel": (1.33e9, 0.10e9,
+               r"diesel|gas.?oil|gasöl|iso.?4113|en.?590|test.?oil|calibration|normafluid|prüföl"),
 }  # fmt: skip
-"""Name -> bulk modulus at 40 degrees and feed pressure, and its spread over makes [Pa]; the first that is found holds.
+"""Kind of fuel -> bulk modulus at 40 degrees and feed pressure, its spread over makes [Pa], and the names by which it
+goes; the first that is found holds.
 Methyl esters: 1350 m/s and 865 kg/m^3 (Tat & Van Gerpen, J. Am. Oil Chem. Soc. 77 (2000)) give 1.57. Diesel: Payri,
 Fuel 90 (2011), 1.25-1.33; 1330 m/s and 820 kg/m^3 give 1.45 for a dense one. The others by sound and density, m/s and
 kg/m^3: gasoline 1150, 735; methanol 1050, 772; ethanol 1095, 773; kerosene 1240, 785; heavy fuel 1460, 965; marine
@@ -124,10 +123,10 @@ def fuel_temperature(fluid: FluidSpec, cycles: CamCycles) -> float | None:
     return fluid.temperature
 
 
-def kind_of(name: str) -> re.Pattern[str] | None:
-    """Return the kind in `MODULI` that a fuel's name tells, None for none; what it holds little of does not count."""
+def kind_of(name: str) -> str | None:
+    """Return the kind in `KINDS` that a fuel's name tells, None for none; what it holds little of does not count."""
     main = MINOR.sub(" ", name)
-    return next((names for names in MODULI if names.search(main)), None)
+    return next((kind for kind, (*_, names) in KINDS.items() if re.search(names, main, re.IGNORECASE)), None)
 
 
 def modulus_prior(name: str, temperature: float | None) -> tuple[float, float, str] | None:
@@ -140,15 +139,14 @@ def modulus_prior(name: str, temperature: float | None) -> tuple[float, float, s
     name : of the fuel; ``temperature`` : [K]
     """
     kind = kind_of(name)
-    known = None if kind is None else MODULI[kind]
-    if not known and temperature is None:
+    if kind is None and temperature is None:
         return None
-    mean, spread = known or ANY_MODULUS
+    mean, spread = ANY_MODULUS if kind is None else KINDS[kind][:2]
     warm = REFERENCE if temperature is None else temperature
     unsure = UNKNOWN_WARMTH if temperature is None else WARMTH_STD
     softer = math.exp(MODULUS_PER_KELVIN / mean * (warm - REFERENCE))
     std = softer * math.hypot(spread, MODULUS_PER_KELVIN * unsure)
-    text = f"{name if known else 'fuels and test oils'} at {warm - units.ZERO_CELSIUS:.0f} degC"
+    text = f"{name if kind else 'fuels and test oils'} at {warm - units.ZERO_CELSIUS:.0f} degC"
     if temperature is None:
         text += f" +- {UNKNOWN_WARMTH:g} K, none is stated"
     return softer * mean, std, text

@@ -142,7 +142,9 @@ def predict(
     """
     speed = _positive(speeds)
     law, mounting = cam_of(config), mounting_of(config)
-    theta = _grid(n_theta)
+    if not (isinstance(n_theta, int) and n_theta >= FEWEST_ANGLES):
+        raise Refusal(f"predict: n_theta is {n_theta!r}, expected a whole number of {FEWEST_ANGLES} points or more")
+    theta = angle_grid(n_theta)
     friction = Friction(*config.friction)
     units = [PumpUnit(config.pump, law, phase, mounting, friction) for phase in config.phases]
     curve = PressureCurve(np.array([0.0, np.pi]), np.zeros(2)) if pressure is None else pressure
@@ -241,12 +243,6 @@ def _row(pump: RigidTorque, path: Kinematics, shaft_torque: Array, speed: float)
     }
 
 
-def _grid(n_theta: int) -> Array:
-    if not (isinstance(n_theta, int) and n_theta >= FEWEST_ANGLES):
-        raise Refusal(f"predict: n_theta is {n_theta!r}, expected a whole number of {FEWEST_ANGLES} points or more")
-    return angle_grid(n_theta)
-
-
 def prediction_document(prediction: Prediction) -> dict[str, Any]:
     """Return the prediction as JSON-ready values in border units; a jump that never comes is null."""
     path, roller = prediction.kinematics, prediction.roller
@@ -257,7 +253,7 @@ def prediction_document(prediction: Prediction) -> dict[str, Any]:
         "pressure_angle_max_deg": float(np.max(path.pressure_angle)) / DEGREE,
         "pressure_angle_min_deg": float(np.min(path.pressure_angle)) / DEGREE,
         "pressure_angle_flat_check_deg": [value / DEGREE for value in prediction.flat_pressure_angles],
-        "surface_radius_min_mm": _least_radius(path),
+        "surface_radius_min_mm": None if np.any(path.undercut) else 1e3 / float(np.max(path.surface_curvature)),
         "undercut": bool(np.any(path.undercut)),
         "concave": bool(np.any(path.concave)),
         "jump": _jump(prediction.jump),
@@ -284,13 +280,6 @@ def _curves(prediction: Prediction) -> dict[str, Any]:
         "guide_moment_nm": [_list(pump.forces.guide_moment) for pump in pumps],
         "hertz_gpa": [_list(1e-9 * pump.forces.hertz) for pump in pumps],
     }
-
-
-def _least_radius(path: Kinematics) -> float | None:
-    """Return the least convex radius of the cam surface [mm], None where the cam is undercut."""
-    if np.any(path.undercut):
-        return None
-    return 1e3 / float(np.max(path.surface_curvature))
 
 
 def _list(values: Array) -> list[float | None]:

@@ -41,20 +41,11 @@ class ShaftForces(ReadOnly):
     outputs: tuple[Mapping[str, Array], ...]
 
 
-@dataclass(frozen=True)
-class FollowerForces:
-    """Forces of sub-system II in the running frame, each (n_theta,) [N]."""
-
-    lambda_x: Array
-    lambda_y: Array
-    tangential: Array
-    normal: Array
-    pin_x: Array
-    pin_y: Array
-    guide_x: Array
-
-
 Units = Sequence[PumpUnit]
+FollowerForces = dict[str, Array]
+"""Forces of sub-system II by the names of `torque.OUTPUTS`, in the running frame, each (n_theta,) [N]."""
+ACROSS = ("contact_x", "pin_x", "guide")
+"""Those of them that lie along X1, which turns over with the direction of running."""
 
 
 def _paths(units: Units, motion: ShaftMotion) -> list[Kinematics]:
@@ -68,23 +59,17 @@ def _force_along(unit: PumpUnit, path: Kinematics, pressure: Array) -> Array:
     return -(pump.spring_preload + pump.spring_stiffness * path.lift + pump.plunger_area * pressure)
 
 
-def _named(unit: PumpUnit, path: Kinematics, forces: FollowerForces, torque: Array) -> dict[str, Array]:
-    """Return the outputs in space from those in the running frame."""
-    turn, gravity = unit.mounting.rotation, unit.mounting.gravity
-    height = unit.mounting.guide_height
-    guide = turn * forces.guide_x
+def _in_space(unit: PumpUnit, path: Kinematics, forces: FollowerForces, torque: Array) -> dict[str, Array]:
+    """Return all outputs in space from the torque and the forces in the running frame."""
+    mounting, height = unit.mounting, unit.mounting.guide_height
+    found = {name: mounting.rotation * force if name in ACROSS else force for name, force in forces.items()}
+    weight_x, weight_y = (unit.pump.cam_mass * gravity for gravity in mounting.gravity)
     return {
+        **found,
         "torque": torque,
-        "contact_normal": forces.normal,
-        "contact_tangential": forces.tangential,
-        "contact_x": turn * forces.lambda_x,
-        "contact_y": forces.lambda_y,
-        "bearing_x": turn * forces.lambda_x - unit.pump.cam_mass * gravity[0],
-        "bearing_y": forces.lambda_y - unit.pump.cam_mass * gravity[1],
-        "guide": guide,
-        "guide_moment": -(0.0 if height is None else path.centre_height - height) * guide,
-        "pin_x": turn * forces.pin_x,
-        "pin_y": forces.pin_y,
+        "bearing_x": found["contact_x"] - weight_x,
+        "bearing_y": found["contact_y"] - weight_y,
+        "guide_moment": -(0.0 if height is None else path.centre_height - height) * found["guide"],
     }
 
 
@@ -99,7 +84,7 @@ def solve_by_matrix(units: Units, motion: ShaftMotion) -> ShaftForces:
     applied = np.zeros((motion.theta.size, 6 * len(units)))
     for i, (path, sweep) in enumerate(zip(paths, sweeps, strict=True)):
         arm = _planar(*path.contact_point)
-        applied[:, 6 * i : 6 * i + 6] = denoc.point_force(arm, -_planar(sweep.lambda_x, sweep.lambda_y))
+        applied[:, 6 * i : 6 * i + 6] = denoc.point_force(arm, -_planar(sweep["contact_x"], sweep["contact_y"]))
     inertia = denoc.inertia_wrench(chain, rate, change)
     section = ((inertia - applied) @ chain.complement).T
     return _assemble(units, paths, sweeps, section)
@@ -119,15 +104,15 @@ def _matrix_follower(unit: PumpUnit, path: Kinematics, pressure: Array, motion: 
     cosine = path.centre_height / path.pitch_arc
     sine = cosine * path.tan_pressure_angle
     lambda_x, lambda_y = multipliers.T
-    return FollowerForces(
-        lambda_x=lambda_x,
-        lambda_y=lambda_y,
-        tangential=lambda_x * cosine + lambda_y * sine,
-        normal=lambda_y * cosine - lambda_x * sine,
-        pin_x=reaction[:, 1, 3],
-        pin_y=reaction[:, 1, 4],
-        guide_x=reaction[:, 0, 3],
-    )
+    return {
+        "contact_x": lambda_x,
+        "contact_y": lambda_y,
+        "contact_tangential": lambda_x * cosine + lambda_y * sine,
+        "contact_normal": lambda_y * cosine - lambda_x * sine,
+        "pin_x": reaction[:, 1, 3],
+        "pin_y": reaction[:, 1, 4],
+        "guide": reaction[:, 0, 3],
+    }
 
 
 def _planar(x: Array, y: Array) -> Array:
@@ -147,7 +132,7 @@ def solve_by_recursion(units: Units, motion: ShaftMotion) -> ShaftForces:
     section, carried = np.zeros((len(units), motion.theta.size)), np.zeros(motion.theta.size)
     for i in range(len(units) - 1, -1, -1):
         contact_x, contact_y = paths[i].contact_point
-        moment = contact_x * sweeps[i].lambda_y - contact_y * sweeps[i].lambda_x
+        moment = contact_x * sweeps[i]["contact_y"] - contact_y * sweeps[i]["contact_x"]
         carried = carried + units[i].pump.cam_inertia * motion.acceleration + moment
         section[i] = carried
     return _assemble(units, paths, sweeps, section)
@@ -170,18 +155,16 @@ def _sweep_follower(unit: PumpUnit, path: Kinematics, pressure: Array, motion: S
     lambda_x = tangential * cosine - normal * sine
     lambda_y = normal * cosine + tangential * sine
     pin_x = -lambda_x - roller.mass * gravity_x
-    return FollowerForces(
-        lambda_x, lambda_y, tangential, normal, pin_x, pin_y=roller_y - lambda_y, guide_x=pin_x - alone * gravity_x
-    )
+    return {
+        "contact_x": lambda_x, "contact_y": lambda_y, "contact_tangential": tangential, "contact_normal": normal,
+        "pin_x": pin_x, "pin_y": roller_y - lambda_y, "guide": pin_x - alone * gravity_x,
+    }  # fmt: skip
 
 
 def _assemble(units: Units, paths: list[Kinematics], sweeps: list[FollowerForces], section: Array) -> ShaftForces:
     """Return the record; the share of a lobe is the step of the shaft torque across it."""
     share = section - np.concatenate([section[1:], np.zeros((1, section.shape[1]))])
-    outputs = tuple(
-        _named(unit, path, sweep, torque) for unit, path, sweep, torque in zip(units, paths, sweeps, share, strict=True)
-    )
-    return ShaftForces(section[0], section, outputs)
+    return ShaftForces(section[0], section, tuple(map(_in_space, units, paths, sweeps, share)))
 
 
 def solve_closed(units: Units, motion: ShaftMotion) -> ShaftForces:

@@ -105,8 +105,7 @@ def _forces(pump: PumpData, tables: ClosedForm, outputs: Mapping[str, Array]) ->
     normal = np.maximum(outputs["contact_normal"], 0.0)
     none = normal <= 0.0
     lost_x, lost_y = (np.where(none, outputs[name], 0.0) for name in ("contact_x", "contact_y"))
-    height = tables.mounting.guide_height
-    lever = 0.0 if height is None else tables.kinematics.centre_height - height
+    lever = tables.constants.lever * (tables.kinematics.centre_height - tables.constants.guide_height)
     hertz = hertz_pressure(tables.hertz_factor, normal)
     return Forces(
         contact_normal=normal,

@@ -196,8 +196,6 @@ class ClosedForm(ReadOnly):
     kinematics: Kinematics
     outputs: Mapping[str, Array]
     hertz_factor: Array
-    mounting: Mounting
-    friction: Friction
     constants: Constants
 
     def torque_by_cause(self, pressure: Array, speed: Array | float, acceleration: Array | float) -> dict[str, Array]:
@@ -215,7 +213,7 @@ class ClosedForm(ReadOnly):
             "gravity": (c.weight * y1, zero, zero, zero),
         }
         causes = {name: np.stack(row) for name, row in rows.items()}
-        if not self.friction.none:
+        if max(c.guide_friction, c.bearing_arm, c.pin_arm) > 0.0:
             normal = load * path.pitch_arc / path.centre_height
             causes["guide_friction"] = c.guide_friction * guide_share(path.tan_pressure_angle, y1) * load * y1
             causes["bearing_friction"] = c.bearing_arm * normal
@@ -265,7 +263,7 @@ def closed_form_tables(
     out = _tables(constants, np.stack([path.lift, path.velocity, path.acceleration]))
     factor = hertz_factor(pump, path.relative_radius)
     outputs = dict(zip(OUTPUTS, out, strict=True))
-    return ClosedForm(path, outputs, factor, mounting, friction, constants)
+    return ClosedForm(path, outputs, factor, constants)
 
 
 def solve_lift(constants: Constants, lift: Array, pressure: Array, speed: Array, acceleration: Array) -> Array:

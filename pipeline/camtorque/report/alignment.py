@@ -30,7 +30,8 @@ def write_alignment(recording: Recording, cycles: CamCycles, created: str, folde
         "inputs": inputs_document(recording.inputs), **summary, "findings": findings,
     })  # fmt: skip
     caption = "Mean over the used cycles and their scatter."
-    drawings = [drawing_of("aligned_cycles", aligned_cycles(cycles), "One revolution", caption)]
+    place = "chamber" if recording.config.measures_chamber else "line"
+    drawings = [drawing_of("aligned_cycles", aligned_cycles(cycles, place), "One revolution", caption)]
     write_figures(drawings, folder / "figures")
     title, text = f"{doc['name']}: aligned", recording.config.text
     write_page(folder / "align.html", render("align.html", drawings, title=title, doc=doc, config_text=text))
@@ -38,10 +39,10 @@ def write_alignment(recording: Recording, cycles: CamCycles, created: str, folde
     return doc
 
 
-def aligned_cycles(cycles: CamCycles) -> Curves:
-    """Show mean and scatter of torque, pressure and all other channels over the cam angle."""
+def aligned_cycles(cycles: CamCycles, place: str = "line") -> Curves:
+    """Show mean and scatter of torque, pressure (``place`` of its sensor) and other channels over the cam angle."""
     rows = [] if cycles.torque is None else [(cycles.torque, 1.0, 0.0, "drive torque [N m]")]
-    rows += [(cycles.pressure, 1.0 / BAR, 0.0, "line pressure [bar]")] if cycles.pressure.size else []
+    rows += [(cycles.pressure, 1.0 / BAR, 0.0, f"{place} pressure [bar]")] if cycles.pressure.size else []
     for quantity, values in cycles.channels.items():
         shown = CHANNEL_QUANTITIES[quantity]
         known = values[np.isfinite(values).all(axis=1)]

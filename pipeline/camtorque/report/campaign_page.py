@@ -170,8 +170,9 @@ def left_out_text(doc: Mapping[str, Any]) -> str:
     text = ""
     if good:
         ends = dict.fromkeys(significant(row["metrics"]["rms_percent_of_peak"], 2) for row in (good[0], good[-1]))
-        who = f"with their own zero and end of delivery, {len(good)} of {len(known)} recordings are"
-        text = f" Predicted from the others, {who} met within {' to '.join(ends)} % of the peak torque (RMS)."
+        who = f"{len(good)} of {len(known)} recordings {'are' if len(good) > 1 else 'is'}"
+        text = " Predicted from the others, with their own zero and end of delivery, "
+        text += f"{who} met within {' to '.join(ends)} % of the peak torque (RMS)."
     return text + (f" Predicted worse: {_some(poor, '; ')}." if poor else "")
 
 
@@ -213,13 +214,6 @@ def campaign_answer(doc: Mapping[str, Any]) -> list[dict[str, str]]:
     return parts
 
 
-def _shared_rows(doc: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the shared parameters as the texts of a table, with their drifts; what is known best first."""
-    drifts = {row["name"]: row for row in doc["drifts"]}
-    rows = sorted((doc["shared_parameters"] or {}).items(), key=lambda item: KNOWLEDGE.index(item[1]["knowledge"]))
-    return [parameter_row(name, row, True) | {"drift": _drift_text(row, drifts.get(name))} for name, row in rows]
-
-
 def _drift_text(row: Mapping[str, Any], drift: Mapping[str, Any] | None) -> str:
     """Return how much a parameter drifts per 1000 rpm; as a factor where it acts by its logarithm."""
     if drift is None or drift["slope_per_1000_rpm"] is None:
@@ -233,10 +227,14 @@ def _drift_text(row: Mapping[str, Any], drift: Mapping[str, Any] | None) -> str:
 def campaign_page(doc: Mapping[str, Any], view: CampaignView, drawings: Sequence[Drawing]) -> str:
     """Return campaign.html from campaign.json, the used recordings side by side, and figures."""
     serious = any(row["severity"] != "info" for row in doc["findings"])
+    drifts = {row["name"]: row for row in doc["drifts"]}
+    best_first = sorted(doc["shared_parameters"].items(), key=lambda item: KNOWLEDGE.index(item[1]["knowledge"]))
     return render(
         "campaign.html", drawings, title="Campaign", doc=doc, verdict=verdict_text(doc),
         good=not (doc["n_refused"] or serious or unexplained(doc) or doubtful(doc)), known_metrics=known_metrics,
-        answer=campaign_answer(doc), shared=_shared_rows(doc),
+        answer=campaign_answer(doc),
+        shared=[parameter_row(name, row, True) | {"drift": _drift_text(row, drifts.get(name))}
+                for name, row in best_first],
         links=dict(zip(view.names, view.links, strict=True)),
         thumbnails=dict(zip(view.names, map(Markup, view.thumbnails), strict=True)),
         folded=len(doc["recordings"]) > MOST_IN_SIGHT, many=len(view.names) > MANY,

@@ -140,8 +140,8 @@ def _curves(path: Path, points: int) -> Array:
         return np.full((2, points), np.nan)
     with h5py.File(path) as file:
         torque, fitted = file["mean/torque"][:], file["model/fitted"][:]
-    keep = np.arange(points) * torque.size // points
-    return np.array([torque[keep], (torque - fitted)[keep]])
+    places, own = np.arange(points) / points, np.arange(torque.size) / torque.size
+    return np.array([np.interp(places, own, curve, period=1.0) for curve in (torque, torque - fitted)])
 
 
 def _value(document: Mapping[str, Any], path: Sequence[str]) -> tuple[float, float]:

@@ -29,6 +29,8 @@ from camtorque.report.svg import (
 )
 
 LEFT, RIGHT, TOP, BOTTOM, LEGEND_LINE, GAP = 64.0, 12.0, 8.0, 38.0, 18.0, 14.0
+BESIDE_TICKS = 28.0
+"""Room on the left for the turned name of an ordinate and the gap behind its ticks [px]."""
 POINT = 5.2
 """Width of a point [px]."""
 BETWEEN_NAMES, NAME_LINE = 4.0, 13.0
@@ -39,21 +41,23 @@ TURN_TICKS = tuple(45.0 * k for k in range(9))
 def curves_svg(chart: Curves, label: str) -> str:
     """Return the drawing of curves; ``label`` is what a screen reader says of it."""
     low, high = chart.x_range or ((0.0, 360.0) if chart.full_turn else padded([chart.x], 0.03))
-    across = Scale(low, high, LEFT, chart.width - RIGHT)
     inside = (chart.x >= low) & (chart.x <= high)
+    ordinates = [_ordinate(panel, inside) for panel in chart.panels]
+    widest = max((text_width(words) for _, ticks_of in ordinates for _, words in ticks_of), default=0.0)
+    across = Scale(low, high, max(LEFT, BESIDE_TICKS + widest), chart.width - RIGHT)
     parts, y = [], TOP + (16.0 if any(not span.loud for span in chart.spans) else 0.0)
-    for number, panel in enumerate(chart.panels):
-        legend = _legend(panel, chart.width - LEFT - RIGHT)
+    for number, (panel, ordinate) in enumerate(zip(chart.panels, ordinates, strict=True)):
+        legend = _legend(panel, across.stop - across.start)
         y += LEGEND_LINE * len(legend)
         parts += _shaded(chart, across, y, panel.height, number == 0, y - LEGEND_LINE * len(legend))
-        parts += _panel(panel, chart.x[inside], inside, across, y)
-        parts += _legend_drawn(legend, y)
+        parts += _panel(panel, chart.x[inside], inside, across, y, *ordinate)
+        parts += _legend_drawn(legend, across.start, y)
         y += panel.height + GAP
     bottom = y - GAP
     turn = chart.full_turn and chart.x_range is None
     marks = tick_texts(TURN_TICKS if turn else ticks(low, high, 8))
     parts += [text(across(place), bottom + 16.0, words, "middle", "muted") for place, words in marks]
-    parts.append(text(0.5 * (LEFT + chart.width - RIGHT), bottom + 33.0, chart.abscissa, "middle"))
+    parts.append(text(0.5 * (across.start + across.stop), bottom + 33.0, chart.abscissa, "middle"))
     return drawing(chart.width, bottom + BOTTOM, label, parts)
 
 
@@ -76,26 +80,33 @@ def _shaded(chart: Curves, across: Scale, y: float, height: float, first: bool, 
     return boxes + names
 
 
-def _panel(panel: Panel, x: Array, inside: Mask, across: Scale, y: float) -> list[str]:
+def _ordinate(panel: Panel, inside: Mask) -> tuple[tuple[float, float], list[tuple[float, str]]]:
+    """Return the range of a panel's ordinate, and its ticks with their texts."""
     ends = [part[inside] for item in panel.bands for part in (item.low, item.high)]
     for item in panel.lines:
         error = 0.0 if item.error is None else np.nan_to_num(item.error)
         ends += [(item.values + side * error)[inside] for side in (-1.0, 1.0)]
     low, high = panel.limits or padded(ends)
-    up = Scale(low, high, y + panel.height, y)
-    marks = tick_texts(ticks(low, high, max(4, int(panel.height / 38.0))))
-    parts = [line(LEFT, up(place), across.stop, up(place), "grid") for place, _ in marks]
-    parts += [text(LEFT - 6.0, up(place) + 4.0, words, "end", "muted") for place, words in marks]
-    if panel.zero and low < 0.0 < high:
-        parts.append(line(LEFT, up(0.0), across.stop, up(0.0), "axis", 0.8))
+    return (low, high), tick_texts(ticks(low, high, max(4, int(panel.height / 38.0))))
+
+
+def _panel(
+    panel: Panel, x: Array, inside: Mask, across: Scale, y: float, ends: tuple[float, float],
+    marks: list[tuple[float, str]],
+) -> list[str]:  # fmt: skip
+    up, left = Scale(*ends, y + panel.height, y), across.start
+    parts = [line(left, up(place), across.stop, up(place), "grid") for place, _ in marks]
+    parts += [text(left - 6.0, up(place) + 4.0, words, "end", "muted") for place, words in marks]
+    if panel.zero and up.low < 0.0 < up.high:
+        parts.append(line(left, up(0.0), across.stop, up(0.0), "axis", 0.8))
     place = across.places(x)
     for band in panel.bands:
         low_edge, high_edge = (_clipped(up.places(part[inside]), y, panel) for part in (band.low, band.high))
         parts.append(area(place, low_edge, high_edge, band.tone))
     for item in panel.lines:
         parts.append(_drawn(item, place, inside, up, y, panel))
-    parts.append(line(LEFT, y, LEFT, y + panel.height, "axis"))
-    parts.append(line(LEFT, y + panel.height, across.stop, y + panel.height, "axis"))
+    parts.append(line(left, y, left, y + panel.height, "axis"))
+    parts.append(line(left, y + panel.height, across.stop, y + panel.height, "axis"))
     middle = y + 0.5 * panel.height
     parts.append(text(14.0, middle, panel.ordinate, "middle", "ink", f'transform="rotate(-90 14 {middle:.1f})"'))
     return parts
@@ -131,10 +142,10 @@ def _legend(panel: Panel, width: float) -> list[list[Line | Band]]:
     return in_lines(entries, width, 44.0)
 
 
-def _legend_drawn(rows: list[list[Line | Band]], bottom: float) -> list[str]:
+def _legend_drawn(rows: list[list[Line | Band]], left: float, bottom: float) -> list[str]:
     parts = []
     for number, row in enumerate(rows):
-        x, y = LEFT, bottom - LEGEND_LINE * (len(rows) - number) + 12.0
+        x, y = left, bottom - LEGEND_LINE * (len(rows) - number) + 12.0
         for entry in row:
             if isinstance(entry, Band):
                 parts.append(box(x, y - 9.0, 22.0, 9.0, entry.tone))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +18,7 @@ from camtorque.report.chart import CAM_ANGLE, WIDE, Band, Curves, Line, Marks, P
 from camtorque.report.files import write_json, write_page
 from camtorque.report.numbers import UNKNOWN, plus_minus, rounded_to_error, significant, unit_text, words
 from camtorque.report.page import Drawing, drawing_of, render, write_figures
-from camtorque.units import BAR, DEGREE
+from camtorque.units import BAR, DEGREE, LOGARITHM
 
 EVENTS: dict[str, str] = {
     "leakage": "leakage past the plunger (clearance, wear)",
@@ -40,6 +41,8 @@ EVENTS: dict[str, str] = {
 """Event -> its name for somebody at the rig."""
 UNEXPLAINED_DIFFERENCE = 2.0
 """Inflation of the difference above which events leave more than the recordings allow."""
+FACTOR = "×/÷"
+"""Before the uncertainty of what is known to a factor."""
 TONES = {"changed": "c1", "not changed": "c2", "cannot tell": "c7"}
 
 
@@ -53,8 +56,9 @@ class ComparedCurves(ReadOnly):
     theta, lift : (n,) cam angle [rad], lift [m]
     torque_before, torque_after : (n,) measured mean torque [N m]
     torque_stderr : (n,) standard uncertainty of their difference, shared errors left out [N m]
-    pressure_before, pressure_after : (n,) mean line pressure [Pa]
-    chamber_before, chamber_after : (n,) rebuilt chamber pressure [Pa], None without
+    pressure_before, pressure_after : (n,) measured mean pressure [Pa]
+    chamber_before, chamber_after : (n,) rebuilt chamber pressure [Pa], None where the measured one is that
+    place : where the sensor of the measured pressure sits, ``line`` or ``chamber``
     """
 
     name: str
@@ -67,6 +71,7 @@ class ComparedCurves(ReadOnly):
     pressure_after: Array
     chamber_before: Array | None
     chamber_after: Array | None
+    place: str = "line"
 
 
 def write_compare(found: Mapping[str, Any], curves: Sequence[ComparedCurves], folder: Path) -> dict[str, Any]:
@@ -173,17 +178,29 @@ def percent(probability: float) -> str:
 
 
 def _difference(row: Mapping[str, Any]) -> str:
-    error = f" ± {plus_minus(row['stderr'])}" if row["stderr"] else ""
-    return f"{_moved(row)}{error} {unit_text(row['unit'])}".strip()
+    shown = _shown(row)
+    error = f" {shown['sign']} {shown['error']}" if row["stderr"] else ""
+    return f"{shown['difference']}{error} {'' if shown['sign'] == FACTOR else shown['unit']}".strip()
 
 
-def _moved(row: Mapping[str, Any]) -> str:
-    """Return a difference with its sign and as many digits as its uncertainty has."""
-    return ("+" if (row["difference"] or 0.0) > 0.0 else "") + rounded_to_error(row["difference"], row["stderr"])
+def _shown(row: Mapping[str, Any]) -> dict[str, str]:
+    """Return the numbers of a row with as many digits as its uncertainty has; of a logarithm those of what it is of."""
+    stderr, moved, least = row["stderr"], row["difference"], row.get("smallest_change")
+    logarithm = LOGARITHM.fullmatch(row["unit"])
 
+    def text(value: float | None) -> str:
+        if logarithm is None or value is None:
+            return rounded_to_error(value, stderr)
+        return rounded_to_error(math.exp(value), (stderr or 0.0) * math.exp(value))
 
-def _interval(row: Mapping[str, Any]) -> str:
-    return " … ".join(rounded_to_error(end, row["stderr"]) for end in row["ci95"]) if row["stderr"] else UNKNOWN
+    times = "" if moved is None else "× " if logarithm else "+" if moved > 0.0 else ""
+    return {
+        "before": text(row["before"]), "after": text(row["after"]), "difference": times + text(moved),
+        "sign": FACTOR if logarithm else "±", "error": text(stderr) if logarithm else plus_minus(stderr),
+        "interval": " … ".join(map(text, row["ci95"])) if stderr else UNKNOWN,
+        "smallest": f"× {text(least)}" if logarithm and least is not None else significant(least, 2),
+        "unit": unit_text(logarithm[1] if logarithm else row["unit"]),
+    }  # fmt: skip
 
 
 def compare_rows(part: Mapping[str, Any]) -> list[dict[str, str]]:
@@ -191,15 +208,10 @@ def compare_rows(part: Mapping[str, Any]) -> list[dict[str, str]]:
     order = {"changed": 0, "cannot tell": 1, "not changed": 2}
     rows = sorted(part.items(), key=lambda item: order[item[1]["verdict"]])
     return [
-        {
-            "name": words(name), "verdict": row["verdict"], "before": rounded_to_error(row["before"], row["stderr"]),
-            "after": rounded_to_error(row["after"], row["stderr"]), "difference": _moved(row),
-            "error": plus_minus(row["stderr"]), "unit": unit_text(row["unit"]),
-            "interval": _interval(row),
-            "smallest": UNKNOWN if row["verdict"] == "changed" else significant(row.get("smallest_change"), 2),
-        }
+        {"name": words(name), "verdict": row["verdict"], **_shown(row)}
+        | ({"smallest": UNKNOWN} if row["verdict"] == "changed" else {})
         for name, row in rows
-    ]  # fmt: skip
+    ]
 
 
 def compare_drawings(document: Mapping[str, Any], curves: Sequence[ComparedCurves]) -> list[Drawing]:
@@ -228,7 +240,8 @@ def _overlay(pair: ComparedCurves, document: Mapping[str, Any]) -> Curves:
     pressure = [
         Line(f"{kind}, {when}", values / BAR, tone, 1.4, dash)
         for kind, when, values, tone, dash in (
-            ("line", "before", pair.pressure_before, "measured", ""), ("line", "after", pair.pressure_after, "c1", ""),
+            (pair.place, "before", pair.pressure_before, "measured", ""),
+            (pair.place, "after", pair.pressure_after, "c1", ""),
             ("chamber", "before", pair.chamber_before, "fitted", "6 3"),
             ("chamber", "after", pair.chamber_after, "c3", "6 3"),
         )

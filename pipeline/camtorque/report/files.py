@@ -102,12 +102,7 @@ def visible_files(folder: Path) -> list[Path]:
 
 def listed_files(folder: Path) -> set[str]:
     """Return the names, relative to the folder of an output, that its SHA256SUMS lists; none without one."""
-    lines = _lines(folder) if (folder / SUMS).is_file() else []
-    return {found[2] for found in lines if found and _is_inside(found[2])}
-
-
-def _is_inside(name: str) -> bool:
-    return not name.startswith("/") and ".." not in name.split("/")
+    return {row[0] for row in _listed(folder) if row} if (folder / SUMS).is_file() else set()
 
 
 def unlisted_files(folder: Path) -> list[str]:
@@ -135,10 +130,11 @@ def verify(folder: Path) -> tuple[int, dict[str, str]]:
     return len(compared), faults | dict.fromkeys(more, "not listed")
 
 
-def _lines(folder: Path) -> list[re.Match[str] | None]:
-    """Return the lines of a folder's SHA256SUMS, None for a damaged one."""
+def _listed(folder: Path) -> list[tuple[str, str] | None]:
+    """Return name and digest by the lines of a folder's SHA256SUMS, None for one that is damaged or leads elsewhere."""
     text = (folder / SUMS).read_text(encoding="utf-8", errors="replace")
-    return [LINE.fullmatch(line) for line in text.splitlines()]
+    found = [LINE.fullmatch(line) for line in text.splitlines()]
+    return [(row[2], row[1]) if row and row[2][0] != "/" and ".." not in row[2].split("/") else None for row in found]
 
 
 def _unlisted(folder: Path, listed: set[str]) -> list[str]:
@@ -148,11 +144,11 @@ def _unlisted(folder: Path, listed: set[str]) -> list[str]:
 
 def _compared(folder: Path, below: Path) -> Iterator[tuple[str, str]]:
     """Yield each listed file with its fault, "" where it is as it was."""
-    for number, found in enumerate(_lines(folder / below), 1):
-        if found is None or not _is_inside(found[2]):
+    for number, found in enumerate(_listed(folder / below), 1):
+        if found is None:
             yield f"{(below / SUMS).as_posix()} line {number}", "damaged"
             continue
-        place = below / found[2]
+        place = below / found[0]
         kind = _kind(folder / place, found[1])
         yield place.as_posix(), kind
         if place.name == SUMS and kind != "missing" and place.parent != below:

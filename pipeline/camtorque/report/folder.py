@@ -62,17 +62,18 @@ def check_output(target: Path, marker: str) -> None:
             f"output {target}: found {kind}, expected a folder that can be replaced as a whole; choose one inside it, "
             f"such as {target / 'report'}"
         )
-    if target.is_dir() and any(target.iterdir()) and not _is_own(target):
-        damaged = first_of([path.name for path in _marker_paths(target) if path.is_file()], 3)
+    there = [path.name for path in _marker_paths(target) if path.is_file()]
+    own = any(str(_document(target / name).get("schema", "")).startswith("camtorque.") for name in there)
+    if target.is_dir() and any(target.iterdir()) and not own:
+        damaged = first_of(there, 3)
         what = f"{damaged} that is damaged or another program's" if damaged else "a folder with other files in it"
         raise Refusal(
             f"output {target}: found {what}, expected a new folder or an earlier report; choose another name"
             f"{', or delete it if it is a damaged report' if damaged else ''}"
         )
-    other = [name for name in MARKERS if (target / name).is_file()]
-    if other and marker not in other:
+    if there and marker not in there:
         raise Refusal(
-            f"output {target}: found a report of another command ({other[0]}), expected a new folder or one with "
+            f"output {target}: found a report of another command ({there[0]}), expected a new folder or one with "
             f"{marker}; choose another name"
         )
     if target.is_dir() and (more := unlisted_files(target)):
@@ -100,10 +101,6 @@ def check_writable(target: Path) -> None:
         raise Refusal(f"output {target}: found a file {above} on the way, expected folders; choose another name")
     if not os.access(above, os.W_OK | os.X_OK):
         raise Refusal(f"output {target}: found that {above} cannot be written to, expected a folder of yours")
-
-
-def _is_own(folder: Path) -> bool:
-    return any(str(_document(path).get("schema", "")).startswith("camtorque.") for path in _marker_paths(folder))
 
 
 def _marker_paths(folder: Path) -> list[Path]:

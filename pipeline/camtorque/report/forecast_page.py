@@ -18,7 +18,7 @@ from camtorque.jsonable import jsonable, now
 from camtorque.records import Array, Estimate, Forces
 from camtorque.report.chart import CAM_ANGLE, CYCLE, Band, Curves, Line, Panel
 from camtorque.report.files import write_json, write_page
-from camtorque.report.numbers import UNKNOWN, plus_minus, rounded_to_error, significant, words
+from camtorque.report.numbers import UNKNOWN, in_a_row, plus_minus, rounded_to_error, significant, words
 from camtorque.report.page import Drawing, drawing_of, render
 from camtorque.units import BAR, DEGREE, RPM, TURN, short
 from camtorque.version import __version__
@@ -138,7 +138,7 @@ def write_forecast(items: Sequence[Forecast], document: Mapping[str, Any], title
     answer = f"{peaks}."
     if beyond:
         answer += (
-            f" {' and '.join(beyond)} rpm {'lie' if len(beyond) > 1 else 'lies'} beyond the fitted speeds: the bands "
+            f" {in_a_row(beyond)} rpm {'lie' if len(beyond) > 1 else 'lies'} beyond the fitted speeds: the bands "
             "are wider there, and a recording near that speed would narrow them."
         )
     unsure = [text for item in items for text in (*flight_text(item), *step_text(item), *ending_text(item))]

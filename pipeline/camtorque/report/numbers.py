@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import posixpath
 import re
+from collections.abc import Sequence
 from typing import TypeGuard
 
 from camtorque.laws import ROWS
@@ -66,6 +67,11 @@ def named(text: str) -> str:
 def words(name: str) -> str:
     """Return the name of a parameter, cause or loss as words."""
     return name.split("__")[0].replace("_", " ")
+
+
+def in_a_row(names: Sequence[str]) -> str:
+    """Return names as a sentence has them: a, b and c."""
+    return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
 
 
 def _known(value: float | None) -> TypeGuard[float]:

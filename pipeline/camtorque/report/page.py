@@ -59,34 +59,23 @@ STAND_IN = "strokes"
 STYLES = ("vendor/uPlot.min.css", "page.css")
 
 
-@dataclass(frozen=True)
-class Section:
-    """One section of report.html.
-
-    Attributes
-    ----------
-    link : what the list at the top of the page calls it, "" for a part of the section before it
-    needs : key of result.json without whose content it is left out, "" for always
-    """
-
-    link: str = ""
-    needs: str = ""
-
-
-SECTIONS: dict[str, Section] = {
-    "torque": Section("Curves"),
-    "causes": Section("What closes the gap"),
-    "evidence": Section("Which losses", "evidence"),
-    "structures": Section(),
-    "parameters": Section("Parameters"),
-    "uncertainty": Section("How sure"),
-    "inside": Section("Inside the pump"),
-    "alignment": Section("Alignment and cycles"),
-    "findings": Section("Findings"),
-    "next": Section("Next measurement"),
-    "provenance": Section("Provenance"),
+SECTIONS: dict[str, str] = {
+    "torque": "Curves",
+    "causes": "What closes the gap",
+    "evidence": "Which losses",
+    "structures": "",
+    "parameters": "Parameters",
+    "uncertainty": "How sure",
+    "inside": "Inside the pump",
+    "alignment": "Alignment and cycles",
+    "findings": "Findings",
+    "next": "Next measurement",
+    "provenance": "Provenance",
 }
-"""Sections of report.html in their order: name of the file in `sections` and of the anchor."""
+"""Sections of report.html in their order: name of the file in `sections` and of the anchor -> what the list at the top
+of the page calls it, "" for a part of the section before it."""
+LEFT_OUT_EMPTY = ("evidence",)
+"""Sections that are left out where the part of result.json of their name is empty."""
 
 
 @dataclass(frozen=True)
@@ -208,7 +197,7 @@ def run_page(
         losses=loss_rows(doc), gaps=gap_rows(doc), groups=parameter_groups(doc),
         pairs=pair_rows(*correlation), inside=inside_text(doc), alignment=alignment_text(doc),
         config_text=config_text, metric_names=METRIC_NAMES,
-        sections={name: section for name, section in SECTIONS.items() if not section.needs or doc[section.needs]},
+        sections={name: link for name, link in SECTIONS.items() if name not in LEFT_OUT_EMPTY or doc[name]},
         budget=budget, large_errors=large, small_errors=small, beyond_doubt=LARGE,
     )  # fmt: skip
 

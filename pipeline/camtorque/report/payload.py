@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from camtorque.jsonable import clean
 from camtorque.records import Array
-from camtorque.report.chart import Band, Curves, Line, Panel, Span
+from camtorque.report.chart import Curves, Line, Panel, Span
 
 STEPS = 65_000.0
 """Steps over the range of a curve: the screen shows a thousand pixels."""
@@ -23,12 +23,11 @@ LARGEST_LIVE = 3_600
 
 def packed(values: Array) -> dict[str, Any]:
     """Return values as base64 of little-endian 16-bit integers ``d``: value = o + k d, -32768 for NaN."""
-    finite = values[np.isfinite(values)]
-    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
+    good = np.isfinite(values)
+    low, high = (float(np.min(values[good])), float(np.max(values[good]))) if good.any() else (0.0, 0.0)
     step = (high - low) / STEPS or 1.0
     middle = 0.5 * (low + high)
     numbers = np.full(values.shape, MISSING, dtype="<i2")
-    good = np.isfinite(values)
     numbers[good] = np.rint((values[good] - middle) / step)
     return {
         "o": float(f"{middle:.9g}"),
@@ -43,7 +42,7 @@ def curves_payload(name: str, chart: Curves) -> dict[str, Any]:
     return {
         "id": name, "group": "theta" if chart.full_turn else name, "turn": chart.full_turn, "label": chart.abscissa,
         "x": _abscissa(chart.x[keep]), "panels": [_panel(panel, keep) for panel in chart.panels],
-        "spans": [_span(span) for span in chart.spans], "links": list(chart.links),
+        "spans": [_span(span) for span in chart.spans], "links": chart.links,
     }  # fmt: skip
 
 
@@ -58,7 +57,11 @@ def _abscissa(x: Array) -> dict[str, Any]:
 def _panel(panel: Panel, keep: slice) -> dict[str, Any]:
     return {
         "y": panel.ordinate, "h": panel.height, "zero": panel.zero, "lim": panel.limits, "keys": panel.keys,
-        "lines": [_line(item, keep) for item in panel.lines], "bands": [_band(item, keep) for item in panel.bands],
+        "lines": [_line(item, keep) for item in panel.lines],
+        "bands": [
+            {"l": item.label, "t": item.tone, "lo": packed(item.low[keep]), "hi": packed(item.high[keep])}
+            for item in panel.bands
+        ],
     }  # fmt: skip
 
 
@@ -70,21 +73,14 @@ def _line(item: Line, keep: slice) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _band(item: Band, keep: slice) -> dict[str, Any]:
-    return {"l": item.label, "t": item.tone, "lo": packed(item.low[keep]), "hi": packed(item.high[keep])}
-
-
 def _span(span: Span) -> dict[str, Any]:
     return {"a": span.low, "b": span.high, "l": span.label, "loud": span.loud}
 
 
 def chart_data(charts: Mapping[str, Curves], phases: tuple[Span, ...] = ()) -> Markup:
     """Return the data of all charts of a page for its script."""
-    data = {
-        "charts": [curves_payload(name, chart) for name, chart in charts.items()],
-        "phases": [_span(span) for span in phases],
-    }
-    return as_data(data)
+    drawn = [curves_payload(name, chart) for name, chart in charts.items()]
+    return as_data({"charts": drawn, "phases": [_span(span) for span in phases]})
 
 
 def as_data(data: Mapping[str, Any]) -> Markup:

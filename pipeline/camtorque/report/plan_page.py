@@ -12,7 +12,7 @@ import numpy as np
 from camtorque.fit.planning import TOOTH
 from camtorque.report.chart import CYCLE, HALF, Curves, Line, Marks, Panel, RowPanel, Rows
 from camtorque.report.files import write_json, write_page
-from camtorque.report.numbers import plus_minus, rounded_to_error, unit_text, words
+from camtorque.report.numbers import in_a_row, plus_minus, rounded_to_error, unit_text, words
 from camtorque.report.page import Drawing, drawing_of, render
 
 MOST_CURVES = 6
@@ -98,7 +98,7 @@ def assumptions(document: Mapping[str, Any]) -> tuple[str, ...]:
     if beyond:
         speed = "these speeds" if len(beyond) > 1 else "this speed"
         texts.append(
-            f"{' and '.join(beyond)} rpm lie{'' if len(beyond) > 1 else 's'} beyond the fitted speeds: whether rig and "
+            f"{in_a_row(beyond)} rpm lie{'' if len(beyond) > 1 else 's'} beyond the fitted speeds: whether rig and "
             f"pump bear {speed} is for you to know, and the model is less sure there."
         )
     return tuple(texts)

@@ -98,6 +98,10 @@ def save_study_figure(part: Mapping[str, Any], folder: Path) -> list[Path]:
     return paths
 
 
+def _xy(points: Sequence[Mapping[str, Any]]) -> tuple[list[float], list[float]]:
+    return [point["cost"] for point in points], [point["error"] for point in points]
+
+
 def _front(points: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
     front: list[Mapping[str, Any]] = []
     for point in sorted((p for p in points if p["candidate"]), key=lambda p: (p["cost"], p["error"])):
@@ -119,23 +123,17 @@ def _chart(part: Mapping[str, Any]) -> Figure:
         hue = methods.index(method) if grouped else place
         shape = variants.index(variant) if grouped else place // len(CYCLE)
         axes.plot(
-            [p["cost"] for p in line], [p["error"] for p in line], marker=MARKERS[shape % len(MARKERS)],
-            color=CYCLE[hue % len(CYCLE)], markersize=4.5, lw=1.6 if line[0]["candidate"] else 1.0, label=family,
-            ls="-" if line[0]["candidate"] else ":", alpha=1.0 if line[0]["candidate"] else 0.7,
+            *_xy(line), marker=MARKERS[shape % len(MARKERS)], color=CYCLE[hue % len(CYCLE)], markersize=4.5,
+            lw=1.6 if line[0]["candidate"] else 1.0, label=family, ls="-" if line[0]["candidate"] else ":",
+            alpha=1.0 if line[0]["candidate"] else 0.7,
         )  # fmt: skip
         if not grouped:
             _ends(axes, line, CYCLE[hue % len(CYCLE)])
     front = _front(points)
     if front:
-        axes.step(
-            [p["cost"] for p in front], [p["error"] for p in front], where="post", color="#30363d", lw=5.0, alpha=0.16,
-            label="Pareto front", zorder=0,
-        )  # fmt: skip
+        axes.step(*_xy(front), where="post", color="#30363d", lw=5.0, alpha=0.16, label="Pareto front", zorder=0)
     chosen = [point for point in points if point["default"]]
-    axes.plot(
-        [p["cost"] for p in chosen], [p["error"] for p in chosen], ls="", marker="o", ms=13, mfc="none", mec=MEASURED,
-        mew=1.8, label="default",
-    )  # fmt: skip
+    axes.plot(*_xy(chosen), ls="", marker="o", ms=13, mfc="none", mec=MEASURED, mew=1.8, label="default")
     axes.set(xscale="log", yscale="log", xlabel=part["cost_label"], ylabel=part["error_label"], title=part["title"])
     axes.margins(x=0.09, y=0.07)
     axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8.5)

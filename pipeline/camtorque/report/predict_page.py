@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -54,55 +54,46 @@ def _by_speed(prediction: Prediction, curves: Any) -> tuple[Line, ...]:
     )
 
 
-def _torque(prediction: Prediction) -> tuple[Panel, ...]:
-    return (Panel("drive torque [N m]", _by_speed(prediction, prediction.shaft_torque)),)
-
-
-def _cam(prediction: Prediction) -> tuple[Panel, ...]:
-    path = prediction.kinematics
-    return (
-        Panel("pressure [bar]", (Line("pressure", prediction.pressure / BAR, "measured"),), height=110.0),
-        Panel("lift [mm]", (Line("lift", 1e3 * path.lift, "c2"),), height=80.0),
-        Panel("velocity [mm/rad]", (Line("velocity", 1e3 * path.velocity, "c1"),), height=80.0),
-        Panel("pressure angle [deg]", (Line("pressure angle", path.pressure_angle / DEGREE, "c6"),), height=80.0),
+def _panels(prediction: Prediction) -> dict[str, tuple[Panel, ...]]:
+    """Return what each of `FIGURES` shows."""
+    path, last = prediction.kinematics, prediction.pumps[-1]
+    causes = {words(name): values for name, values in last.by_cause.items() if np.any(values != 0.0)}
+    forces = {"contact": last.forces.contact_normal / 1e3, "bearing, across": last.forces.bearing_x / 1e3,
+              "bearing, along": last.forces.bearing_y / 1e3, "guide": last.forces.guide / 1e3}  # fmt: skip
+    by_cause, by_joint = (
+        tuple(_line(label, values, k) for k, (label, values) in enumerate(rows.items())) for rows in (causes, forces)
     )
+    hertz = _by_speed(prediction, [pump.forces.hertz / 1e9 for pump in prediction.pumps])
+    return {
+        "torque": (Panel("drive torque [N m]", _by_speed(prediction, prediction.shaft_torque)),),
+        "cam": (
+            Panel("pressure [bar]", (Line("pressure", prediction.pressure / BAR, "measured"),), height=110.0),
+            Panel("lift [mm]", (Line("lift", 1e3 * path.lift, "c2"),), height=80.0),
+            Panel("velocity [mm/rad]", (Line("velocity", 1e3 * path.velocity, "c1"),), height=80.0),
+            Panel("pressure angle [deg]", (Line("pressure angle", path.pressure_angle / DEGREE, "c6"),), height=80.0),
+        ),
+        "causes": (Panel("torque by cause [N m]", by_cause, height=180.0),),
+        "forces": (Panel("force [kN]", by_joint, height=180.0),),
+        "hertz": (Panel("Hertz pressure [GPa]", hertz, height=160.0),),
+    }
 
 
-def _causes(prediction: Prediction) -> tuple[Panel, ...]:
-    parts = {name: values for name, values in prediction.pumps[-1].by_cause.items() if np.any(values != 0.0)}
-    lines = tuple(_line(words(name), values, k) for k, (name, values) in enumerate(parts.items()))
-    return (Panel("torque by cause [N m]", lines, height=180.0),)
-
-
-def _forces(prediction: Prediction) -> tuple[Panel, ...]:
-    forces = prediction.pumps[-1].forces
-    names = {"contact_normal": "contact", "bearing_x": "bearing, across", "bearing_y": "bearing, along",
-             "guide": "guide"}  # fmt: skip
-    lines = tuple(_line(label, getattr(forces, name) / 1e3, k) for k, (name, label) in enumerate(names.items()))
-    return (Panel("force [kN]", lines, height=180.0),)
-
-
-def _hertz(prediction: Prediction) -> tuple[Panel, ...]:
-    return (Panel("Hertz pressure [GPa]", _by_speed(prediction, [p.forces.hertz / 1e9 for p in prediction.pumps]),
-                  height=160.0),)  # fmt: skip
-
-
-FIGURES: dict[str, tuple[str, bool, Callable[[Prediction], tuple[Panel, ...]]]] = {
-    "torque": ("Drive torque", True, _torque),
-    "cam": ("Cam and load", True, _cam),
-    "causes": ("Torque by cause, at the last speed", False, _causes),
-    "forces": ("Forces, at the last speed", False, _forces),
-    "hertz": ("Hertz pressure", True, _hertz),
+FIGURES: dict[str, tuple[str, bool]] = {
+    "torque": ("Drive torque", True),
+    "cam": ("Cam and load", True),
+    "causes": ("Torque by cause, at the last speed", False),
+    "forces": ("Forces, at the last speed", False),
+    "hertz": ("Hertz pressure", True),
 }
-"""Name -> title, whether it is wide, panels."""
+"""Name -> title, whether it is wide."""
 
 
 def chart_of(name: str, prediction: Prediction) -> Curves:
     """Return one of `FIGURES` over cam angle."""
-    _, wide, panels = FIGURES[name]
+    wide = FIGURES[name][1]
     spans = strokes(prediction.theta, prediction.kinematics.lift) if wide else ()
     width = WIDE if wide else HALF
-    return Curves(prediction.theta / DEGREE, CAM_ANGLE, panels(prediction), spans=spans, width=width)
+    return Curves(prediction.theta / DEGREE, CAM_ANGLE, _panels(prediction)[name], spans=spans, width=width)
 
 
 def _cell(key: str, value: float | bool) -> str:
@@ -135,7 +126,7 @@ def prediction_page(prediction: Prediction, title: str) -> str:
     """Return the page as HTML."""
     rows = sweep_rows(prediction)
     drawings = [
-        drawing_of(name, chart_of(name, prediction), heading, wide=wide) for name, (heading, wide, _) in FIGURES.items()
+        drawing_of(name, chart_of(name, prediction), heading, wide=wide) for name, (heading, wide) in FIGURES.items()
     ]
     steep, back = (value / DEGREE for value in prediction.flat_pressure_angles)
     return render(

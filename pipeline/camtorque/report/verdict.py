@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from camtorque.records import Metrics
-from camtorque.report.numbers import signed_significant, significant, with_decimals, words
+from camtorque.report.numbers import in_a_row, signed_significant, significant, with_decimals, words
 
 Document = Mapping[str, Any]
 WIDE_DEG, AROUND_DEG = 90.0, 320.0
@@ -57,7 +57,7 @@ def verdict(doc: Document) -> dict[str, Any]:
     if missed:
         text += f" More than expected: {'; '.join(missed)}. Look at the residual before using the values."
     if odd:
-        text += f" The model meets it only with {' and '.join(odd)}: see the warnings before using the values."
+        text += f" The model meets it only with {in_a_row(odd)}: see the warnings before using the values."
     doubtful = doubtful_input(doc)
     if doubtful:
         text += f" What it rests on is doubtful ({'; '.join(doubtful)}): see the findings before using the values."

@@ -70,8 +70,9 @@ FIGURES: dict[str, FigureSpec] = {
         "panel has its own scale.", curve_figures.by_cause, "causes", True,
     ),
     "evidence": FigureSpec(
-        "Which losses the data need", "Left: evidence for the loss against its absence (2 ln of the Bayes factor); to "
-        "the left of zero the data do better without. Right: how much the loss moves the mean cycle.",
+        "Which losses the data need", "Left: evidence for the loss against its absence (2 ln of the Bayes factor; bars "
+        f"end at {fit_figures.EVIDENCE_SHOWN:g}); to the left of zero the data do better without. Right: how much the "
+        "loss moves the mean cycle.",
         fit_figures.evidence, "evidence", True, True,
     ),
     "motion": FigureSpec(

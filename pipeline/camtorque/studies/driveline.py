@@ -11,9 +11,8 @@ with the four rows of the closed form. In cam angle d delta/d theta = 1 - Omega/
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -34,8 +33,7 @@ SCHEMES = ("explicit Euler", "symplectic Euler", "Heun", "RK4", "generalized-alp
 """Fixed-step schemes, in the order of `march`."""
 
 
-@dataclass(frozen=True)
-class Shaft:
+class Shaft(NamedTuple):
     """Stiffness [N m/rad], damping [N m s/rad] and drive speed [rad/s]."""
 
     stiffness: float = 4000.0
@@ -143,10 +141,9 @@ def march(table, shaft, scheme, steps, kept):  # type: ignore[no-untyped-def]
 def march_periodic(table: Array, shaft: Shaft, scheme: str, steps: int) -> tuple[Array, Array, bool]:
     """Return cam angle (steps,), shaft torque (steps,) of the fifth turn from rest, and whether it stayed bounded."""
     kept = np.empty((steps, 2))
-    vector = (shaft.stiffness, shaft.damping, shaft.speed)
-    bounded = bool(march(table, vector, SCHEMES.index(scheme), steps, kept))
+    bounded = bool(march(table, shaft, SCHEMES.index(scheme), steps, kept))
     lead, rate = kept.T
-    return np.arange(steps) * (TURN / steps) + lead, -shaft.stiffness * lead - shaft.damping * rate, bounded
+    return angle_grid(steps) + lead, -shaft.stiffness * lead - shaft.damping * rate, bounded
 
 
 def collocation(shaft: Shaft, elements: int, stages: int) -> tuple[Array, Array, bool]:
@@ -156,7 +153,7 @@ def collocation(shaft: Shaft, elements: int, stages: int) -> tuple[Array, Array,
     revolution closes the period.
     """
     borders = np.linspace(0.0, TURN, elements + 1)
-    orbit = solve_orbit(load_rows, borders, stages, (shaft.stiffness, shaft.damping, shaft.speed))
+    orbit = solve_orbit(load_rows, borders, stages, (*shaft,))
     return orbit.theta, orbit.torque, orbit.closed
 
 
@@ -183,12 +180,6 @@ def alpha_accelerations(lift: Array, h: float, turns: int, rho: float, start: tu
         velocity += h * ((1.0 - gamma) * auxiliary + gamma * aux)
         auxiliary = aux
     return found
-
-
-def rhs(table: Array, shaft: Shaft) -> Callable[[float, Array], list[float]]:
-    """Return the right-hand side in time for scipy's integrators, state (lead, rate)."""
-    vector = (shaft.stiffness, shaft.damping, shaft.speed)
-    return lambda t, state: [state[1], acceleration(table, vector, t, state[0], state[1])]
 
 
 REFERENCE_ELEMENTS, REFERENCE_STAGES = 3600, 6
@@ -243,8 +234,9 @@ def adaptive(
     period, steps = TURN / shaft.speed, 3600
     times = (CYCLES - 1) * period + np.arange(steps) * (period / steps)
     found = solve_ivp(
-        rhs(table, shaft), (0.0, CYCLES * period), [0.0, 0.0], method=method, t_eval=times, rtol=tolerance,
-        atol=[tolerance * 1e-2, tolerance * shaft.speed], max_step=period / 72 if capped else np.inf,
+        lambda t, state: [state[1], acceleration(table, shaft, t, *state)], (0.0, CYCLES * period), [0.0, 0.0],
+        method=method, t_eval=times, rtol=tolerance, atol=[tolerance * 1e-2, tolerance * shaft.speed],
+        max_step=period / 72 if capped else np.inf,
     )  # fmt: skip
     lead, rate = found.y
     return angle_grid(steps) + lead, -shaft.stiffness * lead - shaft.damping * rate, bool(found.success)

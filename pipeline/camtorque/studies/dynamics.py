@@ -189,22 +189,21 @@ def own_choices(cycles: int, exact: Array) -> list[Choice]:
         evaluate_cycles(tabulated, tables.constants, rows, speeds, out)
         return out[0, 0]
 
+    def torque_by(method: str) -> Array:
+        return solve_shaft([unit], theta, study_pressure(theta), SPEED, method=method).torque
+
     def choice(name: str, run: Callable[[], Array], solved: int, all_forces: bool) -> Choice:
         error = max(peak_error(run(), exact), LEAST)
         return Choice(name, "", error, run, solved * ANGLES, name == DEFAULT, all_forces)
 
     return [
-        *(choice(method, partial(_torque_by, method, unit, theta), 1, True) for method in METHODS),
+        *(choice(method, partial(torque_by, method), 1, True) for method in METHODS),
         choice("tables, compiled, float64", compiled, cycles, False),
         choice("tables, numpy, torque alone, float64", lambda: tables.evaluate("torque", rows, speeds[:, None])[0],
                cycles, False),
         choice("tables, numpy, torque alone, float32",
                lambda: (single[0] + single[1] * rows_single + single[2] * squared)[0], cycles, False),
     ]  # fmt: skip
-
-
-def _torque_by(method: str, unit: PumpUnit, theta: Array) -> Array:
-    return solve_shaft([unit], theta, study_pressure(theta), SPEED, method=method).torque
 
 
 def engine_choices(exact: Array) -> list[Choice]:

@@ -22,7 +22,7 @@ from camtorque.records import CamTable, Refusal
 from camtorque.studies.case import SPEED, peak_error, rounded_table, study_law, study_pressure, study_pump
 from camtorque.studies.grid import law_errors
 from camtorque.studies.table import Outcome, StabilityMap, cell
-from camtorque.units import angle_grid
+from camtorque.units import angle_grid, counted
 
 LIMITS = (5.0e-3, 5.0e-2)
 THETA = angle_grid(3600)
@@ -59,7 +59,7 @@ TABLES: dict[str, Callable[[], CamTable]] = {
 def _table_error(table: Callable[[], CamTable], method: str, quantity: int) -> Outcome:
     given = table()
     error, outliers = law_errors(lift_law(given, method), THETA)[quantity], outlying_points(given).size
-    return error, f"{outliers} point sticks out" if outliers else ""
+    return error, counted(outliers, "point sticks out", "points stick out") if outliers else ""
 
 
 def table_map(quick: bool) -> StabilityMap:
