@@ -5,7 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from align_truth import Shaft
-from camtorque.align import align, places
+from camtorque.align import align
+from camtorque.align.pattern import (
+    COMMON_SHIFT,
+    FREE_TOOTH,
+    RIPPLE_STD,
+    TOOTH_STD,
+    Sizes,
+    pattern_of,
+    posteriors,
+    score_of,
+    waves_of,
+)
+from camtorque.align.places import _beside_gap
 from camtorque.config import TriggerSpec
 from wheel_truth import Wheel, true_deviation, wheel_recording
 
@@ -26,31 +38,31 @@ def test_sums_of_squares_are_the_whole_covariance(name: str) -> None:
     if spec.revolutions_per_cycle > 1:
         tooth = np.delete(tooth, 5)  # one that is lost in most turns of one half of the cycle
     mean, variance = 0.01 * rng.standard_normal(tooth.size), 1e-6
-    pattern = places._design(tooth, mean, variance, spec, n)
+    pattern = pattern_of(tooth, mean, variance, _beside_gap(spec, n), n)
     which = (tooth % spec.pulses_per_rev)[:, None] == np.arange(spec.pulses_per_rev)
-    waves = -places._waves(tooth * (2.0 * np.pi / n), pattern.orders)
-    each = variance + np.where(which @ pattern.free, places.FREE_TOOTH, 0.0) ** 2
+    waves = -waves_of(tooth * (2.0 * np.pi / n), pattern.orders)
+    each = variance + np.where(which @ pattern.free, FREE_TOOTH, 0.0) ** 2
 
-    def written_out(sizes: places._Sizes) -> tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        covariance = np.diag(each) + sizes.tooth**2 * which @ which.T + places.COMMON_SHIFT**2
+    def written_out(sizes: Sizes) -> tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        covariance = np.diag(each) + sizes.tooth**2 * which @ which.T + COMMON_SHIFT**2
         covariance = covariance + (waves * sizes.waves(pattern.orders)) @ waves.T
         weight = np.linalg.inv(covariance)
         value = -0.5 * (mean @ weight @ mean + np.linalg.slogdet(covariance)[1])
-        for size, (usual, spread) in ((sizes.tooth, places.TOOTH_STD), (sizes.ripple, places.RIPPLE_STD)):
+        for size, (usual, spread) in ((sizes.tooth, TOOTH_STD), (sizes.ripple, RIPPLE_STD)):
             value -= 0.5 * (np.log(size / usual) / spread) ** 2
         found = []
         for design, prior in (
-            (which.astype(float), np.where(pattern.free, places.FREE_TOOTH, sizes.tooth) ** 2),
+            (which.astype(float), np.where(pattern.free, FREE_TOOTH, sizes.tooth) ** 2),
             (waves, sizes.waves(pattern.orders)),
         ):
             gain = prior[:, None] * design.T @ weight
             found += [gain @ mean, np.diag(prior) - gain @ design * prior]
         return value, *found
 
-    for sizes in (places._Sizes(1e-3, 1e-2), places._Sizes(2e-5, 0.1, ((4, 0.02),)), places._Sizes(0.03, 1e-5)):
+    for sizes in (Sizes(1e-3, 1e-2), Sizes(2e-5, 0.1, ((4, 0.02),)), Sizes(0.03, 1e-5)):
         value, place, spread, coefficient, covariance = written_out(sizes)
-        assert places._score(pattern, sizes) == pytest.approx(value, rel=1e-9)
-        teeth, swing = places._posteriors(pattern, sizes)
+        assert score_of(pattern, sizes) == pytest.approx(value, rel=1e-9)
+        teeth, swing = posteriors(pattern, sizes)
         assert teeth[0] == pytest.approx(place, rel=1e-6, abs=1e-12)
         assert teeth[1] == pytest.approx(np.diag(spread), rel=1e-5, abs=1e-14)
         assert swing[0] == pytest.approx(coefficient, rel=1e-6, abs=1e-12)

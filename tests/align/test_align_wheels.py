@@ -85,6 +85,13 @@ def test_deviation_from_even_running_is_handed_on_with_its_error(name: str) -> N
     assert 1.0 < np.sqrt(np.mean(stated) / np.mean(errors)) < 2.0
 
 
+@pytest.mark.parametrize(("teeth", "told"), [(4, 1), (8, 3), (24, 11)])
+def test_few_teeth_tell_no_order_that_they_do_not_see(teeth: int, told: int) -> None:
+    wheel = Wheel(teeth=teeth, missing=0, index=True, shaft=Shaft(rpm=600.0, ripple=0.05, order=1))
+    deviation = np.abs(np.fft.rfft(align(wheel_recording(wheel)).details["angle_deviation"]))
+    assert np.flatnonzero(deviation > 1e-9 * deviation.max()).max() == told
+
+
 def test_one_pulse_per_turn_tells_no_deviation() -> None:
     wheel = Wheel(teeth=1, missing=0)
     assert "angle_deviation" not in align(wheel_recording(wheel)).details

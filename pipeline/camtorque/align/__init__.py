@@ -4,7 +4,7 @@ options                what a user may choose
 sources                channels that tell the angle: trigger, encoder, counter -> pulses of each logger
 pulses, teeth          edge times -> pulses, repaired and counted, anew at every mark, by mark or index
 counter                a recorded angle -> pulses
-places                 where the teeth really are, how the speed varies within the turn
+places, pattern        where the teeth really are, how the speed varies within the turn
 clocks, physics_clock  loggers -> one clock, from pulses or from torque and pressure; clocks that jump
 lags                   cycles that come late
 timebase               all of the above for a recording; which turn of a crank wheel is which; turns that no pulse shows
