@@ -12,6 +12,7 @@ from camtorque.align.timebase import time_base
 from camtorque.fit.prepare import cam_swing, over_even_angle
 from camtorque.records import Refusal
 from camtorque.signal.inductive import find_crossings
+from scipy.signal import lfilter
 from wheel_truth import Wheel, index_volts, judged, pulse_channel, true_deviation, wheel_recording, wheel_volts
 
 SEEDS = (1, 2, 3, 4)
@@ -102,6 +103,19 @@ def test_exchanged_wires_of_a_coil_are_told_and_read_right() -> None:
     cycles = align(wheel_recording(wheel))
     assert {finding.code for finding in cycles.findings} == {"trigger_inverted"}
     assert abs(angle_error_deg(cycles.torque, torque_of, cycles.theta)) < 0.05
+
+
+@pytest.mark.parametrize("samples", [6.3, 7.3])
+def test_an_encoder_is_read_where_half_of_its_samples_lie_on_flanks(samples: float) -> None:
+    """Behind the input stage of an amplifier most of the few samples of a line are on their way to a level."""
+    wheel = Wheel(teeth=360, missing=0, index=True, rate=3600.0 * samples, error_deg=0.0, flank_rad=1e-3)
+    volts = lfilter([0.7], [1.0, -0.3], wheel_volts(wheel))
+    recording = wheel_recording(
+        wheel, pulse_channel(wheel, "trigger", volts), pulse_channel(wheel, "index", index_volts(wheel))
+    )
+    cycles = align(recording)
+    assert cycles.index.size >= 28
+    assert abs(angle_error_deg(cycles.torque, torque_of, cycles.theta)) < 0.2
 
 
 @pytest.mark.parametrize("volts", [np.zeros(10_000), np.full(10_000, np.nan), np.full(3, 1.0), np.zeros(0)])

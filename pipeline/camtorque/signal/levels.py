@@ -40,6 +40,9 @@ NOISE_HEIGHTS = Threshold(
 )  # fmt: skip
 NOISE_PAIRS = 4096
 """Pairs of neighbouring samples of a block that the noise is taken from, at most."""
+FLANK_STEP = Threshold(
+    0.5, "1", "simulated rigs", "Share of the largest difference of neighbouring samples beyond which one is a flank's."
+)
 POOLED_EDGES = 9
 """Plateaus are the running median over this many neighbouring edges: it follows slow drift."""
 FLANK = (0.05, 0.95)
@@ -92,11 +95,15 @@ def without_missing(volts: Array) -> tuple[Array, int]:
 
 
 def noise_of(volts: Array) -> float:
-    """Return the robust noise of the plateaus from the differences of neighbouring samples [V]."""
+    """Return the robust noise of the plateaus from the differences of neighbouring samples [V].
+
+    Those beyond half of the largest are flanks: of an encoder with nine samples a line they are as many as the others.
+    """
     stride = 2 * max(1, volts.size // (2 * NOISE_PAIRS))
     n = volts.size // stride
     differences = np.abs(volts[1 : n * stride : stride] - volts[: n * stride : stride])
     finite = differences[np.isfinite(differences)]
+    finite = finite[finite <= FLANK_STEP * np.max(finite, initial=0.0)]
     return 1.4826 / np.sqrt(2.0) * median(finite) if finite.size else 0.0
 
 
