@@ -91,11 +91,13 @@ class OwnFit:
 
         Returns
         -------
-        residual : (bins + k,); its sum of squares is the chi-square of the fit
+        residual : (bins + t + k,); its sum of squares is the chi-square of the fit
         """
         z = self._si(parameters)
         means, stds = self.problem.priors
-        return np.concatenate([self._whitened(self._left(z)[0]), (z - means) / stds])
+        left, output = self._left(z)
+        teeth = self.problem.data[0].tooth_misfit(output.motion)
+        return np.concatenate([self._whitened(left), teeth, (z - means) / stds])
 
     def jacobian(self, parameters: lmfit.Parameters) -> Array:
         """Return the derivative of `residual` by the varying parameters; exact but for the ties' own formulas."""
@@ -104,7 +106,8 @@ class OwnFit:
         both = np.column_stack([output.derivative, output.linear])[:, chain]  # type: ignore[list-item]
         left = np.zeros((weight.size, z.size))
         left[:, own] = -both * weight[:, None]
-        rows = np.vstack([self._whitened(left), np.diag(1.0 / self.problem.priors[1])])
+        teeth = -self.problem.data[0].tooth_columns(output.motion, chain, np.ones(own.size))[:, :-1]
+        rows = np.vstack([self._whitened(left), teeth, np.diag(1.0 / self.problem.priors[1])])
         return rows * self.units @ self._ties(parameters)
 
     def minimizer(self, parameters: lmfit.Parameters) -> lmfit.Minimizer:

@@ -10,7 +10,7 @@ from align_truth import TWO_PI, Samples, Shaft, angle_error_deg, pressure_of, to
 from camtorque.align import AlignOptions, align
 from camtorque.align.timebase import time_base
 from camtorque.fit.prepare import cam_swing, over_even_angle
-from camtorque.records import Refusal
+from camtorque.records import PASSED, Refusal
 from camtorque.signal.inductive import find_crossings
 from scipy.signal import lfilter
 from wheel_truth import Wheel, index_volts, judged, pulse_channel, true_deviation, wheel_recording, wheel_volts
@@ -84,6 +84,16 @@ def test_deviation_from_even_running_is_handed_on_with_its_error(name: str) -> N
         assert abs(angle_error_deg(cycles.torque, torque_of, cycles.theta)) < 0.05
         assert "ripple_unseen" not in {finding.code for finding in cycles.findings}
     assert 1.0 < np.sqrt(np.mean(stated) / np.mean(errors)) < 2.0
+
+
+def test_two_teeth_say_how_far_the_cam_leads_between_them() -> None:
+    shaft = Shaft(rpm=600.0, ripple=0.05, order=1, wander=0.0)
+    wheel = Wheel(shaft=shaft, teeth=6, missing=4, error_deg=0.0)
+    cycles = align(wheel_recording(wheel))
+    first, second = shaft.time_of(np.radians(wheel.nominal_deg) + TWO_PI * (3.0 + np.array([0.0, 1.0 / 6.0])))
+    even = (second - first) * shaft.speed
+    assert cycles.details[PASSED] == pytest.approx(np.array([[even, TWO_PI / 6.0 - even, 0.0]]), abs=3e-5)
+    assert abs(TWO_PI / 6.0 - even) > 0.02
 
 
 @pytest.mark.parametrize(("teeth", "told"), [(4, 1), (8, 3), (24, 11)])

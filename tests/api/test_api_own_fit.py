@@ -26,7 +26,7 @@ FREE = ("dead_volume", "shaft_drag", "bearing_arm", "pin_arm", "trigger_offset")
 
 @pytest.fixture(scope="module")
 def own() -> OwnFit:
-    """The example's problem at its start, the measured torque replaced by that of the start with noise."""
+    """The example's problem at its start with a second tooth, its torque replaced by that of the start with noise."""
     recording = camtorque.read(EXAMPLE)
     cycles = camtorque.align(recording, n_theta=1800)
     means = mean_cycles(cycles)
@@ -38,7 +38,8 @@ def own() -> OwnFit:
     own = OwnFit(problem, problem.start, lift_at(problem, problem.start))
     model = -own._left(problem.start)[0] / data.weight + data.torque
     noise = np.random.default_rng(11).normal(0.0, 1.0, data.torque.size) / data.weight
-    problem = build_problem([replace(data, torque=model + noise)])
+    second = np.array([[data.chain.trigger_angle + 1.0, 2e-4, 1e-3]])
+    problem = build_problem([replace(data, torque=model + noise, teeth=second)])
     return OwnFit(problem, problem.start, own.lift)
 
 

@@ -73,7 +73,7 @@ def test_the_cheapest_run_that_suffices_is_taken_not_the_one_that_narrows_most()
 
 
 def test_two_cheap_runs_are_preferred_to_a_dear_one_that_would_do() -> None:
-    cheap, dear = point(100.0, 0.016), point(100.0, 0.016, tooth=6e-4)
+    cheap, dear = point(100.0, 0.016), point(100.0, 0.016, tooth=1.5e-3)
     steps = plan(KNOWN, LEAKAGE, 0.4, [cheap, dear], (20.0,))
     assert [step.offer.tooth for step in steps] == [False, False]
     assert steps[0].std > 0.4 > steps[1].std

@@ -28,6 +28,7 @@ from camtorque.align.timebase import TimeBase, by_few_teeth, settled_phase, sile
 from camtorque.records import (
     DEVIATION,
     LEAD,
+    PASSED,
     Array,
     CamCycles,
     CutFlowRow,
@@ -216,18 +217,18 @@ def _cam_cycles(
         ),
         trigger_jitter_s=base.edge_noise, findings=(*table.options.notes, *base.findings, *unseen),
         torque_delay=Estimate(delay.delay, delay.delay_std, delay.delay) if delay else Estimate(0.0, 0.0),
-        details={**alignment_details(base, aligned), **_swing(angle, theta, table.index[chosen])},
+        details={**alignment_details(base, aligned), **_swing(base, angle, theta, table.index[chosen])},
         pulses={logger: trigger.edges.time for logger, trigger in base.triggers.items()},
     )  # fmt: skip
 
 
-def _swing(angle: CamAngle, theta: Array, cycles: Integers) -> dict[str, Array]:
-    """Return how far the cam is ahead of even running over the grid, where several pulses per turn show it [rad].
+def _swing(base: TimeBase, angle: CamAngle, theta: Array, cycles: Integers) -> dict[str, Array]:
+    """Return how far the cam is ahead of even running over the grid, or at teeth, where several pulses show it [rad].
 
     The lead is that of the interpolated angle itself, in the mean of some cycles; the deviation is waves of low order.
     """
     if angle.places is None:
-        return {}
+        return {PASSED: base.passed} if base.passed.size else {}
     deviation, std = angle.places.deviation(theta - angle.zero_step_angle)
     some = cycles[np.linspace(0, cycles.size - 1, min(cycles.size, LEAD_CYCLES)).astype(np.int64)]
     borders = np.append(theta, TURN)

@@ -139,6 +139,19 @@ def teeth_shown(train: PulseTrain, n: int) -> int:
     return int(_turns(train, n)[1].size)
 
 
+def passages(train: PulseTrain, n: int) -> Array:
+    """Return how two or three teeth pass, as `camtorque.records.PASSED` says; (0, 3) where step zero shows no pulse."""
+    times, tooth = _turns(train, n)
+    if tooth[:1].sum() or train.offset:
+        return np.zeros((0, 3))
+    part = TURN * (times[:-1, 1:] - times[:-1, :1]) / np.diff(times[:, :1], axis=0)
+    part = part[np.isfinite(part).all(axis=1)]
+    if part.shape[0] < LEAST_TURNS:
+        return np.zeros((0, 3))
+    even = part.mean(axis=0)
+    return np.column_stack([even, TURN / n * tooth[1:] - even, part.std(axis=0, ddof=1) / np.sqrt(part.shape[0])])
+
+
 def _turns(train: PulseTrain, n: int) -> tuple[Array, Integers]:
     """Return (turns, teeth) times, nan where a turn is not whole, and the teeth that most turns show."""
     turn, tooth = train.step // n, train.step % n

@@ -9,7 +9,7 @@ fall silent while the pump goes on, or wake up after it has begun: turns that no
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from camtorque.align.channels import Measured, Turns, align_channels, positions
 from camtorque.align.clocks import Clock, against, fit_clock, mark_jumps, same_clock
 from camtorque.align.options import AlignOptions
 from camtorque.align.physics_clock import Pair, physics_clock
-from camtorque.align.places import LEAST_PULSES, Places, teeth_shown, tooth_places
+from camtorque.align.places import LEAST_PULSES, Places, passages, teeth_shown, tooth_places
 from camtorque.align.polarity import INVERTED_CORRELATION, correlation, lift_velocity
 from camtorque.align.pulses import PulseTrain, TriggerTrain, train_findings
 from camtorque.align.sources import thinned, trigger_trains
@@ -55,6 +55,7 @@ class TimeBase:
     pulses_per_cycle : steps of ``train`` per turn of the cam
     edge_noise : standard error of one pulse time [s]
     places : what the turns of the cam have in common, None where too few pulses show it
+    passed : when the other one or two of so few teeth pass, `camtorque.records.PASSED`
     """
 
     clocks: Mapping[str, Clock]
@@ -64,6 +65,7 @@ class TimeBase:
     edge_noise: float
     places: Places | None
     findings: tuple[Finding, ...]
+    passed: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
     @property
     def index_std(self) -> float:
@@ -280,12 +282,14 @@ def by_few_teeth(base: TimeBase, where: str) -> TimeBase:
         return base
     text = (
         f"{shown} pulses per turn of the cam do not show how the speed varies within it, {int(LEAST_PULSES)} or more "
-        "do: the cam angle is that of the one at nominal_angle_deg, at even speed in between"
+        "do: the cam angle is that of the one at nominal_angle_deg, at even speed in between; when the others pass "
+        "tells a fit how far the shaft swings"
     )
     finding = Finding("few_teeth", "info", text, where)
     return replace(
-        base, train=thinned(base.train, n), pulses_per_cycle=1, places=None, findings=(*base.findings, finding)
-    )
+        base, train=thinned(base.train, n), pulses_per_cycle=1, places=None, findings=(*base.findings, finding),
+        passed=passages(base.train, n),
+    )  # fmt: skip
 
 
 def _means(recording: Recording, base: TimeBase, channels: Measured, options: AlignOptions) -> dict[str, Array]:

@@ -119,7 +119,9 @@ def _tried(setup: JointSetup, fixed: Array, index: int) -> tuple[Indices, Array,
     output = output_at(problem, fixed, index)
     own, columns, target = linear_part(problem, fixed, index, output)
     both = setup.smooth(np.column_stack([columns * problem.steps[own], target]))
-    return own - problem.n_nonlinear, setup.whitened(index, both), output.path
+    product = setup.whitened(index, both)
+    product[-1, -1] += np.sum(problem.data[index].tooth_misfit(output.motion) ** 2)
+    return own - problem.n_nonlinear, product, output.path
 
 
 def try_at(setup: JointSetup, z: Array) -> Trial:
@@ -174,6 +176,7 @@ def _linearised(setup: JointSetup, trial: Trial, index: int) -> tuple[Array, Arr
     both[:, -1] = item.residual(output, problem.values(trial.z, index)[1])
     both = setup.smooth(both)
     product = setup.whitened(index, both)
+    problem.add_teeth(index, output, product)
     return product[:-1, :-1], product[:-1, -1], both[:, -1].copy()
 
 

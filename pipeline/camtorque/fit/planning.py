@@ -17,6 +17,7 @@ from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.prepare import bin_weights
 from camtorque.fit.single import Fit
 from camtorque.fit.solver import normal_equations
+from camtorque.fit.teeth import PLACE_STD
 from camtorque.fit.uncertainty import inverse
 from camtorque.laws import ROWS
 from camtorque.laws.chain import (
@@ -31,8 +32,6 @@ from camtorque.laws.chain import (
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.records import Array, ReadOnly
 
-TOOTH_STD = np.radians(0.02)
-"""How well the place of a second tooth against the first is known from many revolutions [rad]."""
 TOOTH_ANGLE = np.radians(60.0)
 TOOTH = "a second tooth 60 degrees after the first (pulses_per_rev = 6, missing_teeth = 4)"
 """The tooth with the keys that describe two teeth in place of one."""
@@ -77,7 +76,7 @@ def proposals(fit: Fit) -> list[tuple[str, Array]]:
     information = inverse(fit.covariance.matrix)
     turned = tooth_shifts(fit.problem.data[0].chain, fit.solution.output)
     row = np.array([turned.get(parameter.row.name, 0.0) for parameter in fit.problem.parameters])
-    result = [(TOOTH, inverse(information + np.outer(row, row) / TOOTH_STD**2))]
+    result = [(TOOTH, inverse(information + np.outer(row, row) / PLACE_STD**2))]
     for factor in SPEED_FACTORS:
         rpm = fit.problem.data[0].chain.speed * factor * 30.0 / np.pi
         total = _joined(fit, information, factor)
@@ -224,7 +223,7 @@ def information(offer: Offer, runs: int) -> Array:
     cross = shared.T @ own
     block = own.T @ own + np.eye(own.shape[1])
     found = shared.T @ shared - cross @ np.linalg.solve(block, cross.T)
-    return np.asarray(found + (np.outer(point.tooth, point.tooth) / TOOTH_STD**2 if offer.tooth else 0.0))
+    return np.asarray(found + (np.outer(point.tooth, point.tooth) / PLACE_STD**2 if offer.tooth else 0.0))
 
 
 def plan(

@@ -16,13 +16,14 @@ import numpy as np
 from camtorque.config import RecordingConfig
 from camtorque.fit.problem import FitData
 from camtorque.fit.rig_rows import loaded_rows, rig_rows
+from camtorque.fit.teeth import PLACE_STD
 from camtorque.laws.chain import BINS, ChainInput, binned
 from camtorque.laws.lift import lift_correction
 from camtorque.laws.ripple import waves
 from camtorque.laws.swing import Swing, swing_of
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.load_check import on_base
-from camtorque.records import DEVIATION, LEAD, Array, CamCycles, CamTable, ReadOnly, Recording, Refusal
+from camtorque.records import DEVIATION, LEAD, PASSED, Array, CamCycles, CamTable, ReadOnly, Recording, Refusal
 from camtorque.stacks import mean_of
 from camtorque.units import DEGREE, angle_grid, counted, on_grid
 
@@ -120,6 +121,15 @@ def cam_swing(config: RecordingConfig, details: Mapping[str, Any]) -> Swing | No
     return swing_of(np.asarray(details.get(LEAD, waves), dtype=np.float64), waves)
 
 
+def further_teeth(config: RecordingConfig, details: Mapping[str, Any]) -> Array:
+    """Return what the second and third tooth on a camshaft tell by details of an alignment, as `FitData.teeth`."""
+    passed = details.get(PASSED)
+    if passed is None or config.trigger.side == "motor":
+        return np.zeros((0, 3))
+    place, lead, scatter = np.asarray(passed, dtype=np.float64).T
+    return np.column_stack([config.trigger.nominal_angle + place, lead, np.hypot(scatter, PLACE_STD)])
+
+
 def over_even_angle(values: Array, swing: Swing | None) -> Array:
     """Return a mean cycle (n_theta,) as the chain takes it, over even angle, (FIT_GRID,)."""
     return on_grid(values if swing is None else swing.evened(values), FIT_GRID)
@@ -145,7 +155,8 @@ def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, means: MeanCy
     )  # fmt: skip
     centred = binned(torque)
     weight = bin_weights(centred, means.scatter_of_mean)
-    return FitData(config.id, chain, centred, weight, "land", rows, basis, config.measures_chamber)
+    teeth = further_teeth(config, cycles.details)
+    return FitData(config.id, chain, centred, weight, "land", rows, basis, config.measures_chamber, teeth)
 
 
 def other_half(data: FitData, means: MeanCycles) -> FitData:

@@ -9,8 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from camtorque.fit.teeth import lead_slopes, leads_at
 from camtorque.laws import ROWS, ripple
-from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, ChainInput, ChainOutput
+from camtorque.laws.chain import COLUMN_NAMES, NONLINEAR_NAMES, ChainInput, ChainOutput, Motion
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.chamber import NEVER
 from camtorque.laws.lift import LiftCorrection
@@ -58,6 +59,8 @@ class FitData(ReadOnly):
     rows : parameter rows with this recording's starts, bounds and priors
     lift_basis : correction of the lift table
     measures_chamber : whether its pressure is that on the plunger, so that it has the structure ``line`` and no other
+    teeth : (t, 3) of each further tooth of a turn: even angle at which it passes, how much further the cam leads there
+        than at the trigger's edge, standard deviation of that [rad]
     """
 
     name: str
@@ -68,6 +71,7 @@ class FitData(ReadOnly):
     rows: Mapping[str, ParameterRow]
     lift_basis: LiftCorrection
     measures_chamber: bool = False
+    teeth: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
     def __post_init__(self) -> None:
         if self.torque.shape != self.weight.shape:
@@ -80,6 +84,18 @@ class FitData(ReadOnly):
     def structures(self) -> tuple[str, ...]:
         """The structures that are compared."""
         return ("line",) if self.measures_chamber else tuple(STRUCTURES)
+
+    def tooth_misfit(self, motion: Motion) -> Array:
+        """Return how far the further teeth are off a motion of the cam, in standard deviations, (t,)."""
+        place, lead, std = self.teeth.T
+        return np.asarray((lead - leads_at(motion, self.chain, place)) / std)
+
+    def tooth_columns(self, motion: Motion, chosen: Indices, scale: Array) -> Array:
+        """Return the derivatives at the further teeth by some of `ALL_NAMES`, scaled, and the misfit, (t, m + 1)."""
+        place, _, std = self.teeth.T
+        slopes = np.zeros((place.size, len(ALL_NAMES)))
+        slopes[:, : len(NONLINEAR_NAMES)] = lead_slopes(motion, self.chain, place)
+        return np.column_stack([slopes[:, chosen] * scale / std[:, None], self.tooth_misfit(motion)])
 
     def applies(self, name: str) -> bool:
         """Return whether a parameter acts in this recording's structure."""
@@ -156,6 +172,13 @@ class Problem:
         full[chain] = z[own]
         n = len(NONLINEAR_NAMES)
         return dict(zip(NONLINEAR_NAMES, full[:n].tolist(), strict=True)), full[n:]
+
+    def add_teeth(self, recording: int, output: ChainOutput, product: Array) -> None:
+        """Add what the further teeth of a recording tell to the products (m + 1, m + 1) of its scaled columns and residual."""
+        item, (own, chain) = self.data[recording], self.places[recording]
+        if item.teeth.size:
+            rows = item.tooth_columns(output.motion, chain, self.steps[own])
+            product += rows.T @ rows
 
     @property
     def start(self) -> Array:

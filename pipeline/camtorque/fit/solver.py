@@ -222,7 +222,7 @@ def try_at(
     c = bounded_quadratic(matrix, vector, lower[first:] / scale, upper[first:] / scale, near) * scale
     fixed[first:] = c
     residual = target - columns @ c
-    chi = float(lift.product(residual, residual))
+    chi = float(lift.product(residual, residual)) + float(np.sum(problem.data[0].tooth_misfit(output.motion) ** 2))
     return Trial(fixed, chi + float(np.sum(((fixed - means) / stds) ** 2)), chi, output, residual)
 
 
@@ -249,6 +249,7 @@ def normal_equations(
         both = smooth(both)
     both[:, -1] = residual
     product = lift.gram(both)
+    problem.add_teeth(0, output, product)
     return product[:-1, :-1], product[:-1, -1], output
 
 

@@ -27,8 +27,7 @@ import numpy as np
 
 from camtorque import units
 from camtorque.compiled import njit
-from camtorque.config import FluidSpec
-from camtorque.config.quantities import LIQUID_C
+from camtorque.config import FluidSpec, quantities
 from camtorque.laws.rows import parameter
 from camtorque.records import CamCycles
 
@@ -116,7 +115,7 @@ def fuel_temperature(fluid: FluidSpec, cycles: CamCycles) -> float | None:
     """Return the temperature of the fuel as measured, else as stated, None where unknown [K]."""
     if "fuel_temperature" in cycles.channels:
         measured = cycles.channels["fuel_temperature"]
-        low, high = (units.ZERO_CELSIUS + end for end in LIQUID_C)
+        low, high = (units.ZERO_CELSIUS + end for end in quantities.LIQUID_C)
         liquid = measured[(measured >= low) & (measured <= high)]
         if liquid.size:
             return float(np.mean(liquid))

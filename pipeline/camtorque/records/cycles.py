@@ -16,6 +16,10 @@ from camtorque.stacks import mean_of, std_of
 DEVIATION, LEAD = "angle_deviation", "angle_lead"
 """Details of an alignment by a wheel: how far the cam is ahead of even running, as waves and as it was interpolated."""
 
+PASSED = "angle_passed"
+"""Detail of an alignment by two or three pulses a turn, (t, 3) of each but the first: how much later it passes in even
+angle, how much less that is than its place on the wheel, standard error of both [rad]."""
+
 
 @dataclass(frozen=True)
 class CutFlowRow:
