@@ -174,7 +174,7 @@ class Problem:
         return dict(zip(NONLINEAR_NAMES, full[:n].tolist(), strict=True)), full[n:]
 
     def add_teeth(self, recording: int, output: ChainOutput, product: Array) -> None:
-        """Add what the further teeth of a recording tell to the products (m + 1, m + 1) of its scaled columns and residual."""
+        """Add what further teeth tell to the products (m + 1, m + 1) of a recording's scaled columns and residual."""
         item, (own, chain) = self.data[recording], self.places[recording]
         if item.teeth.size:
             rows = item.tooth_columns(output.motion, chain, self.steps[own])
