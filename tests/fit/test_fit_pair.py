@@ -68,8 +68,8 @@ def test_each_recording_of_a_pair_has_the_zero_that_its_own_sheet_leaves_open() 
         assert pair.own["torque_zero"] == pytest.approx(1.2, rel=0.1)
 
 
-@pytest.mark.parametrize(("side", "measured"), [("cam", True), ("motor", False)])
-def test_each_recording_of_a_pair_turns_as_its_own_wheel_measured(side: str, measured: bool) -> None:
+@pytest.mark.parametrize(("side", "order"), [("cam", 1), ("motor", 0)])
+def test_each_recording_of_a_pair_turns_as_its_own_wheel_measured(side: str, order: int) -> None:
     """After one pulse a turn the wheel of the second was dropped, and its true cam angle twisted once more."""
     one = quick_prepared(*KEY)
     recording, cycles = one.recording, one.cycles
@@ -79,5 +79,7 @@ def test_each_recording_of_a_pair_turns_as_its_own_wheel_measured(side: str, mea
         one, recording=replace(recording, config=replace(recording.config, trigger=trigger)),
         cycles=replace(cycles, details=turned),
     )  # fmt: skip
-    seen = [item.chain.swing is not None for item in pair_of(one, wheel, one.candidates[0]).items]
-    assert seen == [False, measured]
+    before, after = (item.chain.swing for item in pair_of(one, wheel, one.candidates[0]).items)
+    assert before is None
+    assert after is not None
+    assert after.order == order

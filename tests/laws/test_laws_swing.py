@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from camtorque.fit.derived import at_cam_angles
-from camtorque.laws.swing import Swing
+from camtorque.laws.swing import Swing, untold
 from camtorque.units import angle_grid
 from laws_cases import chain_input
 
@@ -46,3 +46,14 @@ def test_the_wheel_tells_the_cam_angle_with_its_rates():
     assert second == pytest.approx(-SIZE * ORDER**2 * np.sin(ORDER * EVEN), abs=1e-3)
     lost, *_ = replace(swing(), order=ORDER - 1).told(1800)
     assert np.ptp(lost) < 1e-6
+
+
+def test_a_swing_that_tells_nothing_of_the_cam_counts_from_the_edge():
+    known = untold(swing().lead, 0.4)
+    assert np.all(known.told(1800) == 0.0)
+    # at the edge even and measured angle are one, elsewhere they are apart as before
+    apart = angle_grid(3600) - known.even(3600)
+    assert np.interp(0.4, angle_grid(3600), apart) == pytest.approx(0.0, abs=1e-9)
+    assert np.ptp(apart - swing().lead) < 1e-12
+    there = known.evened(torque_of(angle_grid(3600)))
+    assert np.interp(0.4, angle_grid(3600), there) == pytest.approx(torque_of(0.4), abs=0.01)

@@ -651,9 +651,11 @@ def test_a_run_under_the_load_of_a_wheel_turns_as_its_wheel_measured(tmp_path: P
         file["mean/angle_deviation"] = ahead
     curve = curve_of(report, 105.0)
     chain = chain_of(rig_of(report, None, None), 105.0, curve, "land")
-    assert (chain.swing is not None) == (side == "cam")
+    assert chain.swing is not None
+    assert chain.swing.order == (1 if side == "cam" else 0)
     top = falling(1.0, 105.0).pressure.argmax()
-    late = 0.01 * np.cos(2.0 * THETA[top]) if side == "cam" else 0.0
+    edge = 0.0 if side == "cam" else 0.01 * np.cos(2.0 * chain.trigger_angle)
+    late = 0.01 * np.cos(2.0 * THETA[top]) - edge
     assert THETA[top] - chain.theta[chain.line_pressure.argmax()] == pytest.approx(late, abs=2.0 * np.pi / 1800)
     with h5py.File(report / "cycles.h5", "a") as file:
         del file["mean/angle_deviation"]

@@ -20,7 +20,7 @@ from camtorque.fit.teeth import PLACE_STD
 from camtorque.laws.chain import BINS, ChainInput, binned
 from camtorque.laws.lift import lift_correction
 from camtorque.laws.ripple import waves
-from camtorque.laws.swing import Swing, swing_of
+from camtorque.laws.swing import Swing, swing_of, untold
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.load_check import on_base
 from camtorque.records import DEVIATION, LEAD, PASSED, Array, CamCycles, CamTable, ReadOnly, Recording, Refusal
@@ -113,12 +113,18 @@ def bin_weights(torque: Array, scatter: float, count: int = 1) -> Array:
 
 
 def cam_swing(config: RecordingConfig, details: Mapping[str, Any]) -> Swing | None:
-    """Return what a wheel saw of the cam's swing by details of an alignment, None where it is not on the cam."""
+    """Return what a wheel saw of the swing within a turn by details of an alignment, None where none did.
+
+    One on the motor's side saw that of its own shaft, which the curves are over: it tells nothing of the cam's.
+    """
     waves = details.get(DEVIATION)
-    if waves is None or config.trigger.side == "motor":
+    if waves is None:
         return None
     waves = np.asarray(waves, dtype=np.float64)
-    return swing_of(np.asarray(details.get(LEAD, waves), dtype=np.float64), waves)
+    swing = swing_of(np.asarray(details.get(LEAD, waves), dtype=np.float64), waves)
+    if swing.order and config.trigger.side == "cam":
+        return swing
+    return untold(swing.lead, config.trigger.nominal_angle)
 
 
 def further_teeth(config: RecordingConfig, details: Mapping[str, Any]) -> Array:

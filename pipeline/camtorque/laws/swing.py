@@ -72,3 +72,9 @@ def swing_of(lead: Array, waves: Array) -> Swing:
     spectrum = np.abs(np.fft.rfft(waves))
     highest = int(np.max(np.flatnonzero(spectrum > ROUNDING * np.max(spectrum)), initial=0))
     return Swing(lead, waves + np.mean(lead - waves), int(TOLD * highest))
+
+
+def untold(lead: Array, edge: float) -> Swing:
+    """Return the swing of a turn that says nothing of the cam's: as after one pulse, it counts from an edge [rad]."""
+    at_edge = np.interp(edge, angle_grid(lead.size), lead, period=TURN)
+    return Swing(lead - at_edge, np.zeros(lead.size), 0)
