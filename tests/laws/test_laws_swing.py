@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from camtorque.fit.derived import at_cam_angles
+from camtorque.fit.prepare import at_cam_angles
 from camtorque.laws.swing import Swing
 from camtorque.units import angle_grid
 from laws_cases import chain_input

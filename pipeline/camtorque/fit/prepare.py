@@ -24,7 +24,7 @@ from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.load_check import on_base
 from camtorque.records import DEVIATION, LEAD, Array, CamCycles, CamTable, ReadOnly, Recording, Refusal
 from camtorque.stacks import mean_of
-from camtorque.units import DEGREE, angle_grid, counted, on_grid
+from camtorque.units import DEGREE, TURN, angle_grid, counted, on_grid
 
 FIT_GRID = 1800
 """Points per revolution of the model, whatever the grid of the cycles: 0.2 degrees."""
@@ -123,6 +123,20 @@ def cam_swing(config: RecordingConfig, details: Mapping[str, Any]) -> Swing | No
 def over_even_angle(values: Array, swing: Swing | None) -> Array:
     """Return a mean cycle (n_theta,) as the chain takes it, over even angle, (FIT_GRID,)."""
     return on_grid(values if swing is None else swing.evened(values), FIT_GRID)
+
+
+def at_cam_angles(chain: ChainInput, values: Array, n: int) -> Array:
+    """Return periodic values of a chain (m, ...) at n cam angles, straight between their own."""
+    size = values.shape[0]
+    place = np.arange(n) * (size / n) if chain.swing is None else chain.swing.even(n) * (size / TURN)
+    first = np.floor(place).astype(np.int64)
+    share = (place - first).reshape(-1, *([1] * (values.ndim - 1)))
+    return np.asarray((1.0 - share) * values[first % size] + share * values[(first + 1) % size])
+
+
+def cam_angles(chain: ChainInput) -> Array:
+    """Return the cam angle, as the alignment has it, at each point of a chain, (n,) [rad]."""
+    return chain.theta if chain.swing is None else chain.swing.cam(chain.theta.size)
 
 
 def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, means: MeanCycles) -> FitData:

@@ -8,7 +8,6 @@ import numpy as np
 
 from camtorque.fit.derived import (
     Modelled,
-    at_cam_angles,
     delivered_volume,
     derived_estimates,
     model_of,
@@ -25,7 +24,7 @@ from camtorque.fit.findings import (
     table_findings,
 )
 from camtorque.fit.planning import next_measurement
-from camtorque.fit.prepare import MeanCycles
+from camtorque.fit.prepare import MeanCycles, at_cam_angles
 from camtorque.fit.problem import SEPARATOR, STRUCTURES
 from camtorque.fit.residual import STROKE, block_cross_validation, is_explained, metrics_of_fit, residual_bumps
 from camtorque.fit.single import Fit, FittedParameters
