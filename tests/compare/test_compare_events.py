@@ -31,11 +31,9 @@ from camtorque.fit.pair import COMMON_TIME_BASE, TwoRecordings, _slope, best_pai
 from camtorque.fit.problem import with_rows
 from camtorque.fit.verdicts import common_attributions, parameter_differences, pooled
 from camtorque.laws.chain import BINS, ChainInput, ChainOutput, evaluate
-from camtorque.laws.swing import Swing
 from camtorque.process.second_process import Second, second_process
 from camtorque.units import DEGREE, angle_grid
 from compare_pair import made_pair
-from laws_cases import start_values
 
 BEGIN = Second.begin
 LEAK, TURNED, SPRING = 3e-15, 0.3 * DEGREE, -0.06
@@ -65,21 +63,6 @@ def test_a_tooth_in_another_place_is_no_event() -> None:
     found, pair = attribution(made_pair({}, left=RINGING, tooth=25.0 * DEGREE))
     assert abs(turn_of_tooth(pair, found.state.outputs[0])) > 0.1 * DEGREE
     assert found.unchanged > 0.5
-
-
-def test_the_zero_of_a_wheel_is_where_the_revolution_begins() -> None:
-    """It was taken for its tooth: between two wheels whose teeth stand elsewhere the swing of the cam was a turn."""
-    pair = made_pair({}, tooth=25.0 * DEGREE)
-    one, two = pair.items
-    lead = 0.02 * np.sin(angle_grid(BINS))
-    swing = Swing(lead, lead, 40)
-    wheels = [replace(item, chain=replace(item.chain, swing=swing)) for item in (one, two)]
-    output = evaluate(wheels[0].chain, start_values())
-    assert turn_of_tooth(replace(pair, items=tuple(wheels)), output) == 0.0
-    tooth = two.chain.trigger_angle
-    # the pulse counts from its tooth, the wheel from zero: there the cam has gained what the wheel saw of it
-    mixed = turn_of_tooth(replace(pair, items=(wheels[0], two)), output)
-    assert mixed == pytest.approx(0.02 * np.sin(tooth), rel=0.1)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a fork beside threads is safe on Linux alone")

@@ -250,5 +250,5 @@ def _parts(chain: ChainInput, rigid: RigidTorque, measured: Array) -> Array:
     cam = cam_angles(chain)
     masks = [np.interp(cam, rigid.theta, mask.astype(np.float64), period=TURN) for mask in (forward, fall)]
     masks.append(np.zeros(cam.size))
-    masks[-1][np.argmin(np.abs(cam - rigid.theta[lowest]))] = 1.0
+    masks[-1][np.argmax(np.cos(cam - rigid.theta[lowest]))] = 1.0
     return np.array([mask / np.sum(mask) for mask in masks])

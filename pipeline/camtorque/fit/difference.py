@@ -89,14 +89,13 @@ def by_angle(pair: TwoRecordings) -> Array:
 
 
 def turn_of_tooth(pair: TwoRecordings, output: ChainOutput) -> float:
-    """Return by how much the cam gains on even running from the zero of the first recording to that of the other [rad].
+    """Return by how much the cam gains on even running between the teeth of the first and the second recording [rad].
 
-    One tooth is the zero of its own recording's twist, that of a wheel is where the revolution begins; ``output`` is
-    that of the first.
+    Each tooth is the zero of its own recording's even angle; ``output`` is that of the first.
     """
     theta = pair.items[0].chain.theta
-    zeros = [0.0 if item.chain.swing else item.chain.trigger_angle for item in pair.items]
-    one, two = np.interp(zeros, theta, output.motion.theta - theta, period=2.0 * np.pi)
+    teeth = [item.chain.trigger_angle for item in pair.items]
+    one, two = np.interp(teeth, theta, output.motion.theta - theta, period=2.0 * np.pi)
     return float(two - one)
 
 
