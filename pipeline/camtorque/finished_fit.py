@@ -42,6 +42,7 @@ class Rig:
     """What sheets say: pump, lift table, direction of running, nominal trigger angle [rad], the transducer's filter.
 
     findings : what is odd about another pump or cam than the recording's
+    has_teeth : whether the recording tells the cam's angle more than once a turn already
     """
 
     pump: PumpData
@@ -50,6 +51,7 @@ class Rig:
     trigger_angle: float
     low_pass_order: int = 0
     findings: tuple[Finding, ...] = ()
+    has_teeth: bool = False
 
 
 class FinishedFit(NamedTuple):
@@ -136,7 +138,7 @@ def rig_of(report: Path, pump: Path | None = None, cam: Path | None = None) -> R
         findings = (*notes, *check_pump(data, table, rotation, pump or config.path))
     table = read_cam_table(data)[0] if table is None else table
     order = read_sheet(torque).filter_order if torque is not None else 0
-    return Rig(data, table, rotation, config.trigger.nominal_angle, order, findings)
+    return Rig(data, table, rotation, config.trigger.nominal_angle, order, findings, config.has_teeth)
 
 
 def curve_of(report: Path, speed: float) -> Curve:

@@ -617,6 +617,16 @@ def copied_report(folder: Path) -> tuple[Path, dict[str, Path]]:
     return folder, {Path(name).stem: folder / name for name in names}
 
 
+def test_a_bench_knows_whether_it_has_teeth(tmp_path: Path) -> None:
+    report, files = copied_report(tmp_path)
+    assert not rig_of(report).has_teeth
+    text = files["recording"].read_text(encoding="utf-8").replace("pulses_per_rev = 1", "pulses_per_rev = 60")
+    files["recording"].write_text(text, encoding="utf-8")
+    inputs = [{"path": str(path), "sha256": file_digest(path)} for path in files.values()]
+    (report / "result.json").write_text(json.dumps({"schema": "camtorque.result/1", "inputs": inputs}))
+    assert rig_of(report).has_teeth
+
+
 @pytest.mark.parametrize("name", ["recording", "cam_A", "torque_T22-40117"])
 def test_what_has_changed_since_the_fit_is_not_predicted_with(tmp_path: Path, name: str) -> None:
     """A plunger of 8.5 mm for 8 in recording.toml had turned 63.6 N m into 73.4, without a word."""

@@ -113,7 +113,7 @@ def fitted_torque(
         trigger_angle=trigger,
         torque_delay=_moved(cycles.torque_delay.value, known["delay_error"], 1e-6),
         angle_errors_after=_angle_budget(known, fitted, cycles, trigger), odd_even_rms=means.odd_even,
-        next_measurement=next_measurement(fit, config.trigger.pulses_per_cycle > 1 or bool(recording.of("angle"))),
+        next_measurement=next_measurement(fit, config.has_teeth),
         findings=(
             *prior_findings(parameters), *mounting_findings(parameters), *implausible_findings(parameters, explained),
             *light_cam_findings(parameters, config.pump.cam_inertia), *frictionless_findings(parameters),
