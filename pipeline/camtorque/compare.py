@@ -14,7 +14,7 @@ from camtorque.config.recording import load_recording_config
 from camtorque.config.schemas import RECORDING_FILE
 from camtorque.fit.changes import Attribution, attribution
 from camtorque.fit.pair import SAME_SPEED, TwoRecordings, best_pair
-from camtorque.fit.prepare import MeanCycles, mean_cycles
+from camtorque.fit.prepare import MeanCycles, at_cam_angles, mean_cycles
 from camtorque.fit.single import Prepared, prepare
 from camtorque.fit.valleys import NO_VALLEY
 from camtorque.fit.verdicts import (
@@ -296,18 +296,23 @@ def compared_curves(compared: Compared) -> ComparedCurves:
     """Return the mean cycles of both on the grid of the first."""
     before, after, pair = compared.before, compared.after, compared.pair
     theta = before.cycles.theta
-    n = pair.items[0].chain.theta
     apart = pair.difference_root @ pair.difference_root.T
+    grid = pair.items[0].chain.theta
     centres = (np.arange(apart.shape[0]) + 0.5) * 2.0 * np.pi / apart.shape[0]
+    std = np.interp(grid, centres, np.sqrt(np.diag(apart)), period=2.0 * np.pi)
 
     def fine(angles: Array, values: Array) -> Array:
         return np.asarray(np.interp(theta, angles, values, period=2.0 * np.pi))
 
     inside = before.recording.config.measures_chamber  # as on the other side: another place is refused
-    old, new = (None if inside else fine(n, output.pressure) for output in compared.found.state.outputs)
+    chains = [item.chain for item in pair.items]
+    old, new = (
+        None if inside else at_cam_angles(chain, output.pressure, theta.size)
+        for chain, output in zip(chains, compared.found.state.outputs, strict=True)
+    )
     return ComparedCurves(
         f"{before.cycles.mean_speed / RPM:.0f} rpm", theta, before.rigid.lift, before.means.torque_all,
-        fine(after.cycles.theta, after.means.torque_all), fine(centres, np.sqrt(np.diag(apart))),
+        fine(after.cycles.theta, after.means.torque_all), at_cam_angles(chains[0], std, theta.size),
         before.means.pressure_all, fine(after.cycles.theta, after.means.pressure_all), old, new,
         "chamber" if inside else "line",
     )  # fmt: skip

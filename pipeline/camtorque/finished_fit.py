@@ -15,7 +15,7 @@ from camtorque.config import PumpData, RecordingConfig
 from camtorque.config.recording import load_recording_config
 from camtorque.fit.known_ends import Curve
 from camtorque.fit.known_fit import FittedAt, KnownFit
-from camtorque.fit.prepare import FIT_GRID, cam_swing
+from camtorque.fit.prepare import FIT_GRID, cam_swing, over_even_angle
 from camtorque.fit.problem import SEPARATOR
 from camtorque.hashes import input_file, input_files
 from camtorque.ingest import read_recording
@@ -26,10 +26,10 @@ from camtorque.ingest.sheet import read_sheet
 from camtorque.laws import ROWS
 from camtorque.laws.chain import ChainInput
 from camtorque.mechanism.lift_laws import spectral_law
-from camtorque.records import DEVIATION, LEAD, Array, CamTable, Finding, Refusal
+from camtorque.records import DEVIATION, LEAD, CamTable, Finding, Refusal
 from camtorque.report.fit_file import NAME, SCHEMA, known_covariance, known_lift, known_shown
 from camtorque.results import CAMPAIGN, read_document, read_result, recording_of, refuse_changed, report_named
-from camtorque.units import RPM, angle_grid, on_grid
+from camtorque.units import RPM, angle_grid
 from camtorque.version import __version__
 
 CYCLES = "cycles.h5"
@@ -42,6 +42,7 @@ class Rig:
     """What sheets say: pump, lift table, direction of running, nominal trigger angle [rad], the transducer's filter.
 
     findings : what is odd about another pump or cam than the recording's
+    has_teeth : whether the recording tells the cam's angle more than once a turn already
     """
 
     pump: PumpData
@@ -50,6 +51,7 @@ class Rig:
     trigger_angle: float
     low_pass_order: int = 0
     findings: tuple[Finding, ...] = ()
+    has_teeth: bool = False
 
 
 class FinishedFit(NamedTuple):
@@ -136,7 +138,7 @@ def rig_of(report: Path, pump: Path | None = None, cam: Path | None = None) -> R
         findings = (*notes, *check_pump(data, table, rotation, pump or config.path))
     table = read_cam_table(data)[0] if table is None else table
     order = read_sheet(torque).filter_order if torque is not None else 0
-    return Rig(data, table, rotation, config.trigger.nominal_angle, order, findings)
+    return Rig(data, table, rotation, config.trigger.nominal_angle, order, findings, config.has_teeth)
 
 
 def curve_of(report: Path, speed: float) -> Curve:
@@ -145,12 +147,7 @@ def curve_of(report: Path, speed: float) -> Curve:
         theta, pressure = (np.asarray(file[name], dtype=np.float64) for name in ("theta", "mean/pressure"))
         wheel = {name: np.asarray(file[f"mean/{name}"]) for name in (DEVIATION, LEAD) if f"mean/{name}" in file}
     swing = cam_swing(load_recording_config(recording_of(report)), wheel) if wheel else None
-    return _evened(Curve(theta, pressure, speed, swing=swing))
-
-
-def _evened(curve: Curve) -> Curve:
-    """Return a curve over cam angle as one over even angle, where a wheel tells these apart."""
-    return curve if curve.swing is None else replace(curve, pressure=curve.swing.evened(curve.pressure))
+    return Curve(theta, pressure, speed, swing=swing)
 
 
 def chain_of(rig: Rig, speed: float, curve: Curve, structure: str) -> ChainInput:
@@ -158,9 +155,9 @@ def chain_of(rig: Rig, speed: float, curve: Curve, structure: str) -> ChainInput
 
     ``structure`` is that of the fitted recording that stands in: where it has no chamber, this has none.
     """
-    pressure: Array = on_grid(curve.pressure, FIT_GRID)
     return ChainInput(
-        theta=angle_grid(FIT_GRID), speed=speed, line_pressure=pressure, shaft_torque=np.zeros(FIT_GRID),
+        theta=angle_grid(FIT_GRID), speed=speed, line_pressure=over_even_angle(curve.pressure, curve.swing),
+        shaft_torque=np.zeros(FIT_GRID),
         trigger_angle=rig.trigger_angle, pump=rig.pump, law=spectral_law(rig.table),
         offset=rig.pump.follower_offset * rig.rotation, low_pass_order=rig.low_pass_order,
         uses_chamber=structure != "line",
@@ -184,7 +181,7 @@ def load_curve(path: Path) -> tuple[str, Curve]:
     if not cycles.pressure.size:
         raise Refusal(f"{path}: has no pressure channel, expected one: it is the load; name another recording")
     swing = cam_swing(recording.config, cycles.details)
-    return recording.config.id, _evened(Curve(cycles.theta, cycles.mean_pressure, cycles.mean_speed, swing=swing))
+    return recording.config.id, Curve(cycles.theta, cycles.mean_pressure, cycles.mean_speed, swing=swing)
 
 
 def _config_of_load(path: Path) -> RecordingConfig:

@@ -92,7 +92,7 @@ def plan_runs(fit: Path | str, target: str, tooth: bool = True, speeds_rpm: Sequ
     ----------
     fit : campaign.json, result.json, or the folder that holds one
     target : such as ``chamber_peak 0.5 %``
-    tooth : whether a second tooth may be asked for
+    tooth : whether a second tooth may be asked for, where the bench has none
     speeds_rpm : that the rig can run; none: `SPEED_FACTORS` times the middle of the fitted ones
 
     Raises
@@ -109,14 +109,14 @@ def plan_runs(fit: Path | str, target: str, tooth: bool = True, speeds_rpm: Sequ
     goal = _target(known, folder, reports, wanted)
     middle = float(np.exp(np.mean([np.log(item.speed) for item in known.recordings])))
     speeds = [speed * RPM for speed in speeds_rpm] or [middle * factor for factor in SPEED_FACTORS]
-    points = []
+    points, rigs = [], {item.id: rig_of(reports[item.id]) for item in loads}
     for item in loads:
-        rig, curve = rig_of(reports[item.id]), curve_of(reports[item.id], item.speed)
+        rig, curve = rigs[item.id], curve_of(reports[item.id], item.speed)
         measuring = measuring_of(reports[item.id])
         for speed in speeds:
             chain = chain_of(rig, speed, curve, item.structure)
             points.append(operating_point(known, chain, item, item.id, measuring))
-    teeth = (False, True) if tooth else (False,)
+    teeth = (False, True) if tooth and not any(rig.has_teeth for rig in rigs.values()) else (False,)
     steps = plan(known, goal.number, goal.wanted, points, DURATIONS, teeth)
     alone = weighed(known, goal.number, [Offer(point, DURATIONS[0], tooth) for tooth in teeth for point in points])
     names = [row["id"] for row in found.rows]

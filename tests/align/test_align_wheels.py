@@ -10,7 +10,8 @@ from align_truth import TWO_PI, Samples, Shaft, angle_error_deg, pressure_of, to
 from camtorque.align import AlignOptions, align
 from camtorque.align.timebase import time_base
 from camtorque.fit.prepare import cam_swing, over_even_angle
-from camtorque.records import PASSED, Refusal
+from camtorque.laws.swing import swing_of
+from camtorque.records import DEVIATION, LEAD, PASSED, Refusal
 from camtorque.signal.inductive import find_crossings
 from scipy.signal import lfilter
 from wheel_truth import Wheel, index_volts, judged, pulse_channel, true_deviation, wheel_recording, wheel_volts
@@ -101,6 +102,19 @@ def test_few_teeth_tell_no_order_that_they_do_not_see(teeth: int, told: int) -> 
     wheel = Wheel(teeth=teeth, missing=0, index=True, shaft=Shaft(rpm=600.0, ripple=0.05, order=1))
     deviation = np.abs(np.fft.rfft(align(wheel_recording(wheel)).details["angle_deviation"]))
     assert np.flatnonzero(deviation > 1e-9 * deviation.max()).max() == told
+
+
+@pytest.mark.parametrize("wheel", [
+    Wheel(), Wheel(teeth=8, missing=0, index=True, index_at=0.0), Wheel(teeth=4, missing=0, index=True, index_at=0.0),
+], ids=["60-2", "8", "4"])  # fmt: skip
+def test_over_even_angle_a_wheel_counts_from_its_pulse_as_one_pulse_does(wheel: Wheel) -> None:
+    """It counted from where the revolution begins: behind few teeth the twist by the torque had another zero."""
+    wheel = replace(wheel, error_deg=0.0, shaft=Shaft(rpm=600.0, ripple=0.05, order=1))
+    found, alone = (align(wheel_recording(one)) for one in (wheel, replace(wheel, teeth=1, missing=0, index=False)))
+    swing = swing_of(found.details[LEAD], found.details[DEVIATION])
+    even = swing.evened(found.mean_torque)
+    assert np.sqrt(np.mean((found.mean_torque - alone.mean_torque) ** 2)) > 0.005 * np.ptp(alone.mean_torque)
+    assert np.sqrt(np.mean((even - alone.mean_torque) ** 2)) < 0.0005 * np.ptp(alone.mean_torque)
 
 
 def test_one_pulse_per_turn_tells_no_deviation() -> None:
@@ -389,10 +403,10 @@ def test_what_a_wheel_of_a_recording_saw_is_the_swing_of_its_shaft(teeth: int, m
     known = cam_swing(recording.config, cycles.details)
     assert known is not None
     assert 20 <= known.order <= 22
-    # the phase of the formula is the even angle but for where the turn begins
-    times = shaft.time_of(2.0 * np.pi * np.array([3.0, 4.0]))
-    truth = shaft.angle(times[0] + np.diff(times) * np.arange(1800) / 1800) - 6.0 * np.pi
-    theta = np.arange(1800) * TWO_PI / 1800
+    # the phase of the formula is the even angle but for where it counts from, the pulse of the nominal angle
+    nominal, theta = recording.config.trigger.nominal_angle, np.arange(1800) * TWO_PI / 1800
+    pulses = shaft.time_of(TWO_PI * np.array([3.0, 4.0]) + nominal)
+    truth = shaft.angle(pulses[0] + np.diff(pulses) * (theta - nominal) / TWO_PI) - 3.0 * TWO_PI
     # a wheel's zero is known to a few hundredths of a degree
     for found in (theta + known.told(1800)[0], known.cam(1800)):
         assert found == pytest.approx(truth, abs=np.radians(0.06))

@@ -9,6 +9,7 @@ import pytest
 from campaign_cases import make
 from camtorque import compare, watch
 from camtorque.campaign.find import search
+from camtorque.process.folders import files_below
 from camtorque.records import Refusal
 from camtorque.results import find_results
 
@@ -95,3 +96,9 @@ def test_what_links_lead_to_is_found_by_every_command_once(tmp_path: Path) -> No
     assert compare._recordings(tmp_path / "raw") == found
     assert sorted(place for place, _ in watch._by_age(tmp_path / "raw")) == found
     assert find_results(tmp_path / "reports") == [tmp_path / "reports" / run / "result.json" for run in "abc"]
+
+
+def test_a_folder_that_a_link_stands_before_keeps_its_place_in_the_order(tmp_path: Path) -> None:
+    make(tmp_path, b="", c="")
+    (tmp_path / "a").symlink_to(tmp_path / "c")
+    assert files_below(tmp_path, "recording.toml") == [tmp_path / run / "recording.toml" for run in "ab"]

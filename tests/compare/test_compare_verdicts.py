@@ -27,6 +27,7 @@ from camtorque.fit.changes import CHANGES, two_ln_odds
 from camtorque.fit.verdicts import Difference, pooled, verdict, whole_verdict
 from camtorque.ingest import read_recording
 from camtorque.laws import ROWS
+from camtorque.laws.swing import Swing
 from camtorque.progress import silent
 from camtorque.records import Finding, InputFile, Refusal
 from camtorque.report.compare_page import EVENTS, compare_events, left_out
@@ -178,11 +179,33 @@ def test_what_a_sensor_in_the_chamber_measures_is_not_rebuilt_beside_it(inside: 
         means=SimpleNamespace(torque_all=flat, pressure_all=flat), rigid=SimpleNamespace(lift=flat),
     )  # fmt: skip
     state = SimpleNamespace(outputs=2 * [SimpleNamespace(pressure=2.0 * flat)])
-    two = SimpleNamespace(items=[SimpleNamespace(chain=SimpleNamespace(theta=theta))], difference_root=np.eye(12))
+    chain = SimpleNamespace(theta=theta, swing=None)
+    two = SimpleNamespace(items=[SimpleNamespace(chain=chain)] * 2, difference_root=np.eye(12))
     found = SimpleNamespace(before=side, after=side, pair=two, found=SimpleNamespace(state=state))
     curves = compared_curves(found)  # type: ignore[arg-type]
     assert curves.place == ("chamber" if inside else "line")
     assert (curves.chamber_before is None, curves.chamber_after is None) == (inside, inside)
+
+
+def test_curves_of_a_wheel_stand_over_cam_angle() -> None:
+    """The chamber stood over time beside a line pressure over cam angle: degrees apart where the speed swings."""
+    theta, even, flat = angle_grid(3600), angle_grid(1800), np.ones(3600)
+    lead = 0.05 * np.sin(theta)
+    wheel, pulse = (SimpleNamespace(theta=even, swing=swing) for swing in (Swing(lead, lead, 1), None))
+    side = SimpleNamespace(
+        recording=SimpleNamespace(config=SimpleNamespace(measures_chamber=False)),
+        cycles=SimpleNamespace(theta=theta, mean_speed=50.0), means=SimpleNamespace(torque_all=flat, pressure_all=flat),
+        rigid=SimpleNamespace(lift=flat),
+    )  # fmt: skip
+    places = [wheel.swing.cam(1800), even]
+    state = SimpleNamespace(outputs=[SimpleNamespace(pressure=np.cos(3.0 * place)) for place in places])
+    root = np.diag(2.0 + np.cos(wheel.swing.cam(600) + np.pi / 600.0))
+    two = SimpleNamespace(items=[SimpleNamespace(chain=one) for one in (wheel, pulse)], difference_root=root)
+    found = SimpleNamespace(before=side, after=side, pair=two, found=SimpleNamespace(state=state))
+    curves = compared_curves(found)  # type: ignore[arg-type]
+    for chamber in (curves.chamber_before, curves.chamber_after):
+        assert chamber == pytest.approx(np.cos(3.0 * theta), abs=1e-4)
+    assert curves.torque_stderr == pytest.approx(2.0 + np.cos(theta), abs=1e-3)
 
 
 def test_a_number_that_several_pairs_state_differently_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:

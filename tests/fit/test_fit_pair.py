@@ -68,13 +68,13 @@ def test_each_recording_of_a_pair_has_the_zero_that_its_own_sheet_leaves_open() 
         assert pair.own["torque_zero"] == pytest.approx(1.2, rel=0.1)
 
 
-@pytest.mark.parametrize(("side", "order"), [("cam", 1), ("motor", 0)])
+@pytest.mark.parametrize(("side", "order"), [("cam", 2), ("motor", 0)])
 def test_each_recording_of_a_pair_turns_as_its_own_wheel_measured(side: str, order: int) -> None:
     """After one pulse a turn the wheel of the second was dropped, and its true cam angle twisted once more."""
     one = quick_prepared(*KEY)
     recording, cycles = one.recording, one.cycles
     trigger = replace(recording.config.trigger, side=side)
-    turned = {**cycles.details, DEVIATION: 0.01 * np.cos(2.0 * cycles.theta)}
+    turned = {**cycles.details, DEVIATION: 0.01 * np.cos(3.0 * cycles.theta)}
     wheel = replace(
         one, recording=replace(recording, config=replace(recording.config, trigger=trigger)),
         cycles=replace(cycles, details=turned),

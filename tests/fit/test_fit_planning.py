@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from camtorque import plan as plan_module
 from camtorque.commands.plan import plan_table
 from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.known_fit import FittedAt, KnownFit
@@ -120,6 +122,23 @@ def test_a_pressure_that_was_measured_is_no_target(tmp_path: Path) -> None:
         Refusal, match=r"plunger of a is the measured one, expected one that the fit rebuilds; its sens"
     ):
         _target(measured, tmp_path, {"a": tmp_path}, (CHAMBER_PEAK, 0.5, True))
+
+
+@pytest.mark.parametrize("teeth", [False, True])
+def test_a_bench_that_has_teeth_is_offered_none(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, teeth: bool) -> None:
+    """Each run stood in the plan a second time, with a tooth that told nothing."""
+    row = KNOWN.recordings[0]
+    fit = SimpleNamespace(known=KNOWN, folder=tmp_path, reports={row.id: tmp_path}, rows=[{"id": row.id}])
+    stubs = {
+        "read_fit": lambda path: fit, "_loads": lambda known: [row], "inputs_document": list, "input_file": str,
+        "_target": lambda *given: SimpleNamespace(number=LEAKAGE, wanted=0.5), "curve_of": lambda *given: None,
+        "rig_of": lambda path: SimpleNamespace(has_teeth=teeth), "measuring_of": lambda path: None,
+        "chain_of": lambda *given: None, "operating_point": lambda *given: point(150.0, 0.3),
+        "_document": lambda known, goal, steps, alone: {"teeth": {step.offer.tooth for step in alone}},
+    }  # fmt: skip
+    for name, stub in stubs.items():
+        monkeypatch.setattr(plan_module, name, stub)
+    assert plan_module.plan_runs(tmp_path, "leakage 5 %")["teeth"] == ({False} if teeth else {False, True})
 
 
 def test_a_second_tooth_is_paid_for_once() -> None:

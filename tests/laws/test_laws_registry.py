@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from camtorque.fit.derived import at_cam_angles
 from camtorque.fit.evidence import LOSSES
+from camtorque.fit.prepare import at_cam_angles
 from camtorque.fit.problem import LAND_NAMES, NEUTRAL, SPILL_NAMES
 from camtorque.laws import LAW_OF, LAWS, LINEAR_NAMES, ROWS, cause_of, chamber
 from camtorque.laws.causes import (

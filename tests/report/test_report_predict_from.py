@@ -38,11 +38,13 @@ from camtorque.fit.load_file import curve_through, refuse_below_line, refuse_oth
 from camtorque.fit.shared_lift import SharedLift
 from camtorque.hashes import file_digest
 from camtorque.ingest.pump_file import read_pressure_curve
+from camtorque.laws.swing import Swing
 from camtorque.predict_from import Found
 from camtorque.records import Estimate, Refusal
 from camtorque.report.fit_file import run_fit_document
 from camtorque.report.forecast_page import assumed_of, assumptions, beyond_text, elsewhere_text, step_text
 from camtorque.report.write import write_run
+from camtorque.units import angle_grid
 from report_cases import THETA, falling, run_result
 
 SHEETS = Path(__file__).resolve().parents[2] / "calibration"
@@ -204,7 +206,7 @@ def test_a_step_of_the_model_is_not_scaled_up(
 
     monkeypatch.setattr(forecast_module, "settled", lambda chain, values: chain)
     monkeypatch.setattr(forecast_module, "_parts", parts)
-    chain = SimpleNamespace(speed=50.0, theta=np.zeros(4))
+    chain = SimpleNamespace(speed=50.0, theta=np.zeros(4), swing=None)
     found = forecast_module.forecast(fit, chain, source, LoadKnowledge({}), {})  # type: ignore[arg-type]
     assert found.torque_std == pytest.approx(np.full(4, wanted), rel=0.25)
     assert np.max(found.shape_std) < 1e-9, "all of it is one constant"
@@ -213,6 +215,34 @@ def test_a_step_of_the_model_is_not_scaled_up(
     texts = step_text(found)
     assert len(texts) == steps
     assert not texts or "Do not build on the torque at 477.5 rpm" in texts[0]
+
+
+def test_a_run_behind_a_wheel_is_shown_over_cam_angle(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the speed swings, curves over time lay up to degrees beside those of the recording."""
+    theta = angle_grid(1800)
+    lead = 0.05 * np.sin(theta)  # over cam angle
+    swing = Swing(lead, lead, 1)
+    source = FittedAt("a", 50.0, "land", 0.0, True)
+    fit = KnownFit(("leakage", "pressure_zero"), np.array([1e-15, 0.0]),
+                   ArrowCovariance.whole(np.diag([1e-34, 1.0])), (source,) * 3)  # fmt: skip
+    cam = swing.cam(1800)
+    names = ("torque", "pressure", "contact", "plunger_force", "flow", "cause pressure")
+
+    def parts(chain: object, values: dict[str, float], lift: None) -> dict[str, np.ndarray]:
+        size = 1.0 + 1e16 * values["leakage"]
+        return {name: size * (2.0 + np.cos(4.0 * cam)) for name in names} | {
+            "angle": cam + 0.1, "mean": np.array(0.0), "delivered": np.array(0.0)}  # fmt: skip
+
+    monkeypatch.setattr(forecast_module, "settled", lambda chain, values: chain)
+    monkeypatch.setattr(forecast_module, "_parts", parts)
+    chain = SimpleNamespace(speed=50.0, theta=theta, swing=swing)
+    found = forecast_module.forecast(fit, chain, source, LoadKnowledge({}), {})  # type: ignore[arg-type]
+    shape = 2.0 + np.cos(4.0 * theta)
+    curves = (found.torque, found.pressure, found.contact, found.plunger_force, found.flow, found.by_cause["pressure"])
+    for values in (*curves, found.pressure_std, found.contact_std, found.by_cause_std["pressure"]):
+        assert values / values[0] == pytest.approx(shape / 3.0, abs=1e-4)
+    assert np.argmax(found.torque_std) % 450 == pytest.approx(0, abs=1)
+    assert found.true_angle == pytest.approx(theta + 0.1, abs=1e-5)
 
 
 def test_the_lift_correction_moves_the_torque_by_slope_times_contact_force(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -230,7 +260,7 @@ def test_the_lift_correction_moves_the_torque_by_slope_times_contact_force(monke
         **cam, "torque_zero": np.zeros(400)})  # fmt: skip
     monkeypatch.setattr(forecast_module, "contact_load", lambda chain, values, output, force: output.load)
     monkeypatch.setattr(forecast_module, "stroke_volume", lambda *values: 0.0)
-    chain = SimpleNamespace(speed=50.0, theta=theta)
+    chain = SimpleNamespace(speed=50.0, theta=theta, swing=None)
 
     def run(lift: SharedLift | None) -> forecast_module.Forecast:
         fit = replace(known([1e-9] * 3), values=np.array([1e-15, 2.0]), lift=lift)
@@ -587,6 +617,16 @@ def copied_report(folder: Path) -> tuple[Path, dict[str, Path]]:
     return folder, {Path(name).stem: folder / name for name in names}
 
 
+def test_a_bench_knows_whether_it_has_teeth(tmp_path: Path) -> None:
+    report, files = copied_report(tmp_path)
+    assert not rig_of(report).has_teeth
+    text = files["recording"].read_text(encoding="utf-8").replace("pulses_per_rev = 1", "pulses_per_rev = 60")
+    files["recording"].write_text(text, encoding="utf-8")
+    inputs = [{"path": str(path), "sha256": file_digest(path)} for path in files.values()]
+    (report / "result.json").write_text(json.dumps({"schema": "camtorque.result/1", "inputs": inputs}))
+    assert rig_of(report).has_teeth
+
+
 @pytest.mark.parametrize("name", ["recording", "cam_A", "torque_T22-40117"])
 def test_what_has_changed_since_the_fit_is_not_predicted_with(tmp_path: Path, name: str) -> None:
     """A plunger of 8.5 mm for 8 in recording.toml had turned 63.6 N m into 73.4, without a word."""
@@ -645,17 +685,18 @@ def test_a_run_under_the_load_of_a_wheel_turns_as_its_wheel_measured(tmp_path: P
     result = json.loads((report / "result.json").read_text())
     result["inputs"][0]["sha256"] = file_digest(files["recording"])
     (report / "result.json").write_text(json.dumps(result))
-    ahead = 0.01 * np.cos(2.0 * THETA)
+    ahead = 0.01 * np.cos(3.0 * THETA)
     with h5py.File(report / "cycles.h5", "w") as file:
         file["theta"], file["mean/pressure"] = THETA, falling(1.0, 105.0).pressure
         file["mean/angle_deviation"] = ahead
     curve = curve_of(report, 105.0)
+    # ends of delivery, rises and another cam's pressure are looked for at its cam angles
+    assert np.array_equal(curve.pressure, falling(1.0, 105.0).pressure)
     chain = chain_of(rig_of(report, None, None), 105.0, curve, "land")
     assert chain.swing is not None
-    assert chain.swing.order == (1 if side == "cam" else 0)
+    assert chain.swing.order == (2 if side == "cam" else 0)
     top = falling(1.0, 105.0).pressure.argmax()
-    edge = 0.0 if side == "cam" else 0.01 * np.cos(2.0 * chain.trigger_angle)
-    late = 0.01 * np.cos(2.0 * THETA[top]) - edge
+    late = 0.01 * np.cos(3.0 * THETA[top])
     assert THETA[top] - chain.theta[chain.line_pressure.argmax()] == pytest.approx(late, abs=2.0 * np.pi / 1800)
     with h5py.File(report / "cycles.h5", "a") as file:
         del file["mean/angle_deviation"]

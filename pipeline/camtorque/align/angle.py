@@ -28,6 +28,8 @@ class CamAngle:
     angle : (n,) unwrapped cam angle of each [rad]
     polynomials : (n - 1, 4) time in powers of the angle since the interval's first pulse
     zero_step_angle : cam angle of the pulse of step zero [rad]
+    nominal : cam angle that is declared of the trigger [rad]
+    pulse_angle : cam angle at which the pulse, or the index, of that angle is, as the teeth tell it [rad]
     places : what the turns have in common; None for one pulse per turn, or too few turns
     """
 
@@ -35,6 +37,8 @@ class CamAngle:
     angle: Array
     polynomials: Array
     zero_step_angle: float
+    nominal: float
+    pulse_angle: float
     places: Places | None
 
     def time_at(self, angle: NDArray[np.floating]) -> Array:
@@ -74,11 +78,13 @@ def cam_angle(train: PulseTrain, spec: TriggerSpec, n: int, places: Places | Non
     """
     pitch = TURN / n
     zero = spec.nominal_angle - train.offset * pitch
-    if places is not None and train.by_index:
+    place = 0.0 if places is None else places.at(train.offset)[0]
+    if train.by_index:
         # the index was placed among teeth that stand elsewhere
-        zero -= places.at(train.offset)[0]
+        zero -= place
     angle: Array = np.asarray(zero + train.step * pitch, dtype=np.float64)
     if places is not None:
         angle = angle + places.place[train.step % n]
+    nominal, pulse = spec.nominal_angle, zero + train.offset * pitch + place
     left, right = hermite_slopes(angle, train.time, (train.broken | train.jumps)[1:])
-    return CamAngle(train, angle, interval_polynomials(angle, train.time, left, right), zero, places)
+    return CamAngle(train, angle, interval_polynomials(angle, train.time, left, right), zero, nominal, pulse, places)

@@ -225,16 +225,18 @@ def _cam_cycles(
 def _swing(base: TimeBase, angle: CamAngle, theta: Array, cycles: Integers) -> dict[str, Array]:
     """Return how far the cam is ahead of even running over the grid, or at teeth, where several pulses show it [rad].
 
-    The lead is that of the interpolated angle itself, in the mean of some cycles; the deviation is waves of low order.
+    The lead is that of the interpolated angle itself, in the mean of some cycles, since the pulse at the nominal angle;
+    the deviation is waves of low order.
     """
     if angle.places is None:
         return {PASSED: base.passed} if base.passed.size else {}
     deviation, std = angle.places.deviation(theta - angle.zero_step_angle)
     some = cycles[np.linspace(0, cycles.size - 1, min(cycles.size, LEAD_CYCLES)).astype(np.int64)]
-    borders = np.append(theta, TURN)
+    borders = np.append(theta, [TURN, angle.pulse_angle % TURN])
     turns = angle.time_at(np.add.outer(some * TURN, borders).ravel()).reshape(some.size, -1)
-    even = (turns[:, :-1] - turns[:, :1]) / (turns[:, -1:] - turns[:, :1]) * TURN
-    return {DEVIATION: deviation, f"{DEVIATION}_std": std, LEAD: theta - np.mean(even, axis=0)}
+    begin, end, pulse = turns[:, :1], turns[:, -2:-1], turns[:, -1:]
+    even = np.mean((turns[:, :-2] - pulse) / (end - begin), axis=0) * TURN + angle.nominal % TURN
+    return {DEVIATION: deviation, f"{DEVIATION}_std": std, LEAD: np.remainder(theta - even + np.pi, TURN) - np.pi}
 
 
 def _compacted(rows: Array, chosen: Integers) -> Array:

@@ -214,6 +214,11 @@ class RecordingConfig:
         return "pressure" in self.sensors and self.sensors["pressure"].is_in_chamber
 
     @property
+    def has_teeth(self) -> bool:
+        """Whether more than one pulse tells a turn of the cam, or its angle was recorded."""
+        return self.trigger.pulses_per_cycle > 1 or any(channel.quantity == "angle" for channel in self.channels)
+
+    @property
     def own_clocks(self) -> frozenset[str]:
         """The loggers whose clock is their own; all others share one."""
         return frozenset(logger.id for logger in self.loggers if logger.clock == "independent")

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from camtorque.fit.forecast import stroke_volume
-from camtorque.fit.prepare import over_even_angle
+from camtorque.fit.prepare import at_cam_angles, cam_angles, over_even_angle
 from camtorque.fit.problem import Problem
 from camtorque.fit.residual import parts_of_gap
 from camtorque.fit.single import Fit, FittedParameters
@@ -106,15 +106,6 @@ def on_cycles(model: Modelled, n: int) -> Modelled:
     )  # fmt: skip
     cam, by_cause = ({name: at(part) for name, part in parts.items()} for parts in (model.cam, model.by_cause))
     return Modelled(over_cam, output, model.values, cam, by_cause, at(model.plunger_force))
-
-
-def at_cam_angles(chain: ChainInput, values: Array, n: int) -> Array:
-    """Return periodic values of a chain (m, ...) at n cam angles, straight between their own."""
-    size = values.shape[0]
-    place = np.arange(n) * (size / n) if chain.swing is None else chain.swing.even(n) * (size / TURN)
-    first = np.floor(place).astype(np.int64)
-    share = (place - first).reshape(-1, *([1] * (values.ndim - 1)))
-    return np.asarray((1.0 - share) * values[first % size] + share * values[(first + 1) % size])
 
 
 def derived_estimates(fit: FittedParameters) -> tuple[ParameterEstimate, ...]:
@@ -256,8 +247,8 @@ def _both(
 def _parts(chain: ChainInput, rigid: RigidTorque, measured: Array) -> Array:
     """Return the weights (3, n) that average a curve of the fit's grid over the parts of the gap in `sureness`."""
     forward, fall, lowest = parts_of_gap(rigid, measured)
-    cam = chain.theta if chain.swing is None else chain.swing.cam(chain.theta.size)
+    cam = cam_angles(chain)
     masks = [np.interp(cam, rigid.theta, mask.astype(np.float64), period=TURN) for mask in (forward, fall)]
     masks.append(np.zeros(cam.size))
-    masks[-1][np.argmin(np.abs(cam - rigid.theta[lowest]))] = 1.0
+    masks[-1][np.argmax(np.cos(cam - rigid.theta[lowest]))] = 1.0
     return np.array([mask / np.sum(mask) for mask in masks])

@@ -89,9 +89,9 @@ def by_angle(pair: TwoRecordings) -> Array:
 
 
 def turn_of_tooth(pair: TwoRecordings, output: ChainOutput) -> float:
-    """Return by how much the shaft twists from the tooth of the first recording to that of the second [rad].
+    """Return by how much the cam gains on even running between the teeth of the first and the second recording [rad].
 
-    Each tooth is the zero of its own recording's twist; ``output`` is that of the first.
+    Each tooth is the zero of its own recording's even angle; ``output`` is that of the first.
     """
     theta = pair.items[0].chain.theta
     teeth = [item.chain.trigger_angle for item in pair.items]

@@ -28,6 +28,7 @@ from camtorque.fit.known_fit import (
     middle,
     steps,
 )
+from camtorque.fit.prepare import at_cam_angles
 from camtorque.fit.problem import LAND_NAMES, NEUTRAL, SPILL_NAMES, WITHOUT
 from camtorque.fit.shared_lift import SharedLift
 from camtorque.laws import ROWS
@@ -40,6 +41,7 @@ from camtorque.laws.chain import (
     with_substeps,
 )
 from camtorque.laws.fluid import specific_volume
+from camtorque.laws.swing import Swing
 from camtorque.laws.valve import SEAT_FLOW
 from camtorque.mechanism.contact import pulls
 from camtorque.records import Array, ReadOnly, Refusal
@@ -69,7 +71,7 @@ class Forecast(ReadOnly):
     Attributes
     ----------
     speed : [rad/s]
-    theta : (n,) [rad]
+    theta : (n,) cam angle as a recording of the load has it [rad]
     torque, torque_std : (n,) shaft torque [N m], total standard uncertainty
     shape_std : (n,) the same less what is one constant over the revolution, such as drag that no fitted recording tells
         from its zero [N m]: a measured torque whose zero is set to the prediction's lies within it
@@ -154,7 +156,7 @@ def forecast(
     total = np.hypot(std["torque"], law)
     shape = np.min([shape_of(item.torque, total) for item in scatters], axis=0)
     causes = [name for name in center if name.startswith("cause ")]
-    return Forecast(
+    found = Forecast(
         speed=chain.speed, theta=chain.theta, torque=torque, torque_std=total,
         shape_std=np.hypot(shape, law), mean_std=float(std["mean"]),
         by_cause={name[6:]: center[name] for name in causes}, by_cause_std={name[6:]: std[name] for name in causes},
@@ -163,6 +165,24 @@ def forecast(
         flow=center["flow"], delivered=float(center["delivered"]),
         delivered_std=float(std["delivered"]), law_share=share, beyond=beyond,
         ending=source.structure, steps=stepping,
+    )  # fmt: skip
+    return found if chain.swing is None else _over_cam(found, chain, chain.swing)
+
+
+def _over_cam(item: Forecast, chain: ChainInput, swing: Swing) -> Forecast:
+    """Return a run over even angle as one over cam angle."""
+
+    def at(values: Array) -> Array:
+        return at_cam_angles(chain, values, chain.theta.size)
+
+    by_cause, by_cause_std = (
+        {name: at(part) for name, part in parts.items()} for parts in (item.by_cause, item.by_cause_std)
+    )
+    return replace(
+        item, torque=at(item.torque), torque_std=at(item.torque_std), shape_std=at(item.shape_std), by_cause=by_cause,
+        by_cause_std=by_cause_std, pressure=at(item.pressure), pressure_std=at(item.pressure_std),
+        contact=at(item.contact), contact_std=at(item.contact_std), plunger_force=at(item.plunger_force),
+        true_angle=swing.even(chain.theta.size) + at(item.true_angle - chain.theta), flow=at(item.flow),
     )  # fmt: skip
 
 

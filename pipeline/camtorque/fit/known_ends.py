@@ -52,7 +52,7 @@ class Curve(ReadOnly):
     step : between the points of a file where it is loaded [rad], 0 for a recording
     points : (k,) angles of a file's points [rad], empty for a recording
     std : (n,) standard uncertainty of the pressure between the points [Pa], empty for a recording
-    swing : of the cam within a turn where a wheel on it saw that: ``theta`` is then even angle
+    swing : of the cam within a turn where a wheel on it saw that, by which `over_even_angle` brings it to the chain
     """
 
     theta: Array

@@ -24,6 +24,7 @@ from camtorque.fit.joint_input import JointInput
 from camtorque.fit.joint_solver import JointSolution, joint_setup, solve_many, try_at
 from camtorque.fit.known_ends import END_OF, WIDTHS_OF, Curve
 from camtorque.fit.known_fit import FRACTIONS, FittedAt, KnownFit, LoadKnowledge, draws, middle, steps
+from camtorque.fit.prepare import cam_angles
 from camtorque.fit.problem import NEUTRAL, FitData, Problem, build_problem, started_at, with_starts
 from camtorque.fit.quadratic import bounded_quadratic
 from camtorque.fit.residual import metrics
@@ -187,7 +188,7 @@ def left_out(fit: JointFit) -> LeaveOneOut:
     data, cov = fit.problem.data, fit.covariance
     recordings = tuple(FittedAt(item.name, item.chain.speed, item.structure, 0.0, True) for item in data)
     known = KnownFit(fit.problem.names, fit.solution.z, cov.arrow, recordings, residual_covariance(fit.solution, cov))
-    curves = {item.name: Curve(item.chain.theta, item.chain.line_pressure, item.chain.speed) for item in data}
+    curves = {item.name: Curve(cam_angles(item.chain), item.chain.line_pressure, item.chain.speed) for item in data}
     asked = all_lift_information(fit.problem, fit.solution.z, cov.inflation)
     return LeaveOneOut(shares(fit.problem, fit.solution), known, curves, asked)
 

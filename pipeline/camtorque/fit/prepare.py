@@ -20,12 +20,12 @@ from camtorque.fit.teeth import PLACE_STD
 from camtorque.laws.chain import BINS, ChainInput, binned
 from camtorque.laws.lift import lift_correction
 from camtorque.laws.ripple import waves
-from camtorque.laws.swing import Swing, swing_of, untold
+from camtorque.laws.swing import Swing, swing_of
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.load_check import on_base
 from camtorque.records import DEVIATION, LEAD, PASSED, Array, CamCycles, CamTable, ReadOnly, Recording, Refusal
 from camtorque.stacks import mean_of
-from camtorque.units import DEGREE, angle_grid, counted, on_grid
+from camtorque.units import DEGREE, TURN, angle_grid, counted, on_grid
 
 FIT_GRID = 1800
 """Points per revolution of the model, whatever the grid of the cycles: 0.2 degrees."""
@@ -122,9 +122,7 @@ def cam_swing(config: RecordingConfig, details: Mapping[str, Any]) -> Swing | No
         return None
     waves = np.asarray(waves, dtype=np.float64)
     swing = swing_of(np.asarray(details.get(LEAD, waves), dtype=np.float64), waves)
-    if swing.order and config.trigger.side == "cam":
-        return swing
-    return untold(swing.lead, config.trigger.nominal_angle)
+    return replace(swing, order=0) if config.trigger.side == "motor" else swing
 
 
 def further_teeth(config: RecordingConfig, details: Mapping[str, Any]) -> Array:
@@ -139,6 +137,20 @@ def further_teeth(config: RecordingConfig, details: Mapping[str, Any]) -> Array:
 def over_even_angle(values: Array, swing: Swing | None) -> Array:
     """Return a mean cycle (n_theta,) as the chain takes it, over even angle, (FIT_GRID,)."""
     return on_grid(values if swing is None else swing.evened(values), FIT_GRID)
+
+
+def at_cam_angles(chain: ChainInput, values: Array, n: int) -> Array:
+    """Return periodic values of a chain (m, ...) at n cam angles, straight between their own."""
+    size = values.shape[0]
+    place = np.arange(n) * (size / n) if chain.swing is None else chain.swing.even(n) * (size / TURN)
+    first = np.floor(place).astype(np.int64)
+    share = (place - first).reshape(-1, *([1] * (values.ndim - 1)))
+    return np.asarray((1.0 - share) * values[first % size] + share * values[(first + 1) % size])
+
+
+def cam_angles(chain: ChainInput) -> Array:
+    """Return the cam angle, as the alignment has it, at each point of a chain, (n,) [rad]."""
+    return chain.theta if chain.swing is None else chain.swing.cam(chain.theta.size)
 
 
 def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, means: MeanCycles) -> FitData:

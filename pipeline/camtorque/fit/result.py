@@ -8,7 +8,6 @@ import numpy as np
 
 from camtorque.fit.derived import (
     Modelled,
-    at_cam_angles,
     delivered_volume,
     derived_estimates,
     model_of,
@@ -25,7 +24,7 @@ from camtorque.fit.findings import (
     table_findings,
 )
 from camtorque.fit.planning import next_measurement
-from camtorque.fit.prepare import MeanCycles
+from camtorque.fit.prepare import MeanCycles, at_cam_angles
 from camtorque.fit.problem import SEPARATOR, STRUCTURES
 from camtorque.fit.residual import STROKE, block_cross_validation, is_explained, metrics_of_fit, residual_bumps
 from camtorque.fit.single import Fit, FittedParameters
@@ -114,7 +113,7 @@ def fitted_torque(
         trigger_angle=trigger,
         torque_delay=_moved(cycles.torque_delay.value, known["delay_error"], 1e-6),
         angle_errors_after=_angle_budget(known, fitted, cycles, trigger), odd_even_rms=means.odd_even,
-        next_measurement=next_measurement(fit, config.trigger.pulses_per_cycle > 1 or bool(recording.of("angle"))),
+        next_measurement=next_measurement(fit, config.has_teeth),
         findings=(
             *prior_findings(parameters), *mounting_findings(parameters), *implausible_findings(parameters, explained),
             *light_cam_findings(parameters, config.pump.cam_inertia), *frictionless_findings(parameters),

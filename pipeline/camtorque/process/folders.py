@@ -17,8 +17,10 @@ def files_below(folder: Path, name: str) -> list[Path]:
     ------
     Refusal : a link leads back to a folder above it
     """
-    found = sorted(walk(folder, name, [])) if folder.is_dir() else []
-    return list({real_path(path): path / name for path in reversed(found)}.values())[::-1]
+    first: dict[Path, Path] = {}
+    for path in sorted(walk(folder, name, [])) if folder.is_dir() else []:
+        first.setdefault(real_path(path), path / name)
+    return list(first.values())
 
 
 def walk(folder: Path, name: str, closed: list[Path], above: tuple[tuple[int, int], ...] = ()) -> Iterator[Path]:

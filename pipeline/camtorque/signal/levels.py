@@ -43,6 +43,11 @@ NOISE_PAIRS = 4096
 FLANK_STEP = Threshold(
     0.5, "1", "simulated rigs", "Share of the largest difference of neighbouring samples beyond which one is a flank's."
 )
+NOT_NOISE = Threshold(
+    7.0, "1", "statistics",
+    "Largest difference of neighbouring samples over the noise from which on flanks are among them: of 4096 of noise "
+    "alone it is 6."
+)  # fmt: skip
 POOLED_EDGES = 9
 """Plateaus are the running median over this many neighbouring edges: it follows slow drift."""
 FLANK = (0.05, 0.95)
@@ -103,8 +108,16 @@ def noise_of(volts: Array) -> float:
     n = volts.size // stride
     differences = np.abs(volts[1 : n * stride : stride] - volts[: n * stride : stride])
     finite = differences[np.isfinite(differences)]
-    finite = finite[finite <= FLANK_STEP * np.max(finite, initial=0.0)]
-    return 1.4826 / np.sqrt(2.0) * median(finite) if finite.size else 0.0
+    largest = float(np.max(finite, initial=0.0))
+    small = finite[finite <= FLANK_STEP * largest]
+    noise = _spread(small)
+    # the largest differences of noise alone are no flanks: without them it would be a tenth smaller than it is
+    return noise if largest >= NOT_NOISE * noise else _spread(finite)
+
+
+def _spread(differences: Array) -> float:
+    """Return the noise behind differences of neighbouring samples [V], 0 without any."""
+    return 1.4826 / np.sqrt(2.0) * median(differences) if differences.size else 0.0
 
 
 def _pooled_windows(low: Array, high: Array, least_height: float) -> int:
