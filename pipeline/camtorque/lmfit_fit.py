@@ -13,6 +13,7 @@ with every parameter in the unit of the report. `lmfit.fit_report` and `lmfit.co
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -123,6 +124,15 @@ class OwnFit:
         if missing:
             raise Refusal(f"minimizer: found no parameter {missing[0]!r}, expected all of own.parameters()")
         return _WithinBounds(self.residual, parameters, scale_covar=False, jac=self.jacobian, x_scale="jac")
+
+    @staticmethod
+    def probability(best: Any, other: Any) -> float:
+        """Return the confidence at which a fit with a parameter held is worse than the best, for `lmfit.conf_interval`.
+
+        The weights are absolute: twice the logarithm of the likelihood ratio is the difference of chi-square. lmfit's
+        F-test, its default, would scale it by a residual that the weights allow for.
+        """
+        return math.erf(math.sqrt(0.5 * max(other.chisqr - best.chisqr, 0.0)))
 
     def _si(self, parameters: lmfit.Parameters) -> Array:
         return np.array([parameters[name].value for name in self.names]) * self.units

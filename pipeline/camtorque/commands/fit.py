@@ -29,7 +29,7 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     text, intervals = lmfit.fit_report(result, show_correl=False), {}
     if arguments.intervals:
         tell("seeking the intervals")
-        intervals = lmfit.conf_interval(minimizer, result, p_names=arguments.intervals)
+        intervals = lmfit.conf_interval(minimizer, result, p_names=arguments.intervals, prob_func=own.probability)
         text += f"\n\n{lmfit.ci_report(intervals)}"
     return Outcome(text, jsonable(_document(result, intervals)))
 
