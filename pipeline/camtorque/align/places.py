@@ -142,7 +142,7 @@ def teeth_shown(train: PulseTrain, n: int) -> int:
 def passages(train: PulseTrain, n: int) -> Array:
     """Return how two or three teeth pass, as `camtorque.records.PASSED` says; (0, 3) where step zero shows no pulse."""
     times, tooth = _turns(train, n)
-    if tooth[:1].sum() or train.offset:
+    if not tooth.size or tooth[0] or train.offset:
         return np.zeros((0, 3))
     part = TURN * (times[:-1, 1:] - times[:-1, :1]) / np.diff(times[:, :1], axis=0)
     part = part[np.isfinite(part).all(axis=1)]

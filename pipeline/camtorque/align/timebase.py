@@ -277,8 +277,8 @@ def by_few_teeth(base: TimeBase, where: str) -> TimeBase:
     Two teeth bend the cam angle by what little they see of the swing of the shaft, which a fit rebuilds in full from
     the torque: it would be corrected twice.
     """
-    n, shown = base.pulses_per_cycle, teeth_shown(base.train, base.pulses_per_cycle)
-    if n == 1 or shown >= LEAST_PULSES:
+    n = base.pulses_per_cycle
+    if n == 1 or base.places is not None or (shown := teeth_shown(base.train, n)) >= LEAST_PULSES:
         return base
     text = (
         f"{shown} pulses per turn of the cam do not show how the speed varies within it, {int(LEAST_PULSES)} or more "

@@ -87,6 +87,8 @@ class FitData(ReadOnly):
 
     def tooth_misfit(self, motion: Motion) -> Array:
         """Return how far the further teeth are off a motion of the cam, in standard deviations, (t,)."""
+        if not self.teeth.size:  # nearly always, and every step of every search asks
+            return np.zeros(0)
         place, lead, std = self.teeth.T
         return np.asarray((lead - leads_at(motion, self.chain, place)) / std)
 

@@ -74,10 +74,9 @@ def fitted_torque(
     fit: Fit, recording: Recording, cycles: CamCycles, rigid: RigidTorque, means: MeanCycles
 ) -> FittedTorque:
     """Return the record of a fit."""
-    even, held_even = (
-        model_of(fit, *pair) for pair in ((means.torque, means.pressure), (means.held_torque, means.held_pressure))
-    )
-    fitted, held = (on_cycles(model, cycles.theta.size) for model in (even, held_even))
+    even = model_of(fit, means.torque, means.pressure)
+    fitted = on_cycles(even, cycles.theta.size)
+    held = on_cycles(model_of(fit, means.held_torque, means.held_pressure), cycles.theta.size)
     parameters = parameter_estimates(fit)
     config = recording.config
     smooth = lift_law(recording.cam_table)  # curvature and Hertz stress need the smoother law
