@@ -210,10 +210,11 @@ class RisingFlank(ReadOnly):
 
 
 def flank_of(chain: ChainInput) -> RisingFlank:
-    """Return the rising flank of a chain's cam at `PLACES` angles."""
-    lift = np.asarray(chain.law.evaluate(chain.theta, 0))
+    """Return the rising flank of the first lobe of a chain's cam at `PLACES` angles."""
+    first = chain.theta[: chain.theta.size // chain.lobes]
+    lift = np.asarray(chain.law.evaluate(first, 0))
     top = int(np.argmax(lift >= 0.999 * np.max(lift)))
-    inside = chain.theta[(lift > 0.25 * np.max(lift)) & (np.arange(lift.size) <= top)]
+    inside = first[(lift > 0.25 * np.max(lift)) & (np.arange(lift.size) <= top)]
     theta = np.linspace(inside[0], inside[-1], PLACES)
     return RisingFlank(theta, np.asarray(chain.law.evaluate(theta, 0)))
 

@@ -87,8 +87,8 @@ Starts = Mapping[str, list[Start]]
 
 
 def rising_angles(data: FitData, shares: tuple[float, ...]) -> tuple[Array, Array]:
-    """Return cam angle and lift where the rising flank reaches shares of the full lift."""
-    lift = data.chain.law.evaluate(data.chain.theta, 0)
+    """Return cam angle and lift where the rising flank of the first lobe reaches shares of its full lift."""
+    lift = data.chain.law.evaluate(data.chain.theta, 0)[: data.chain.theta.size // data.chain.lobes]
     top = int(np.argmax(lift >= 0.999 * np.max(lift)))
     wanted = np.array(shares) * np.max(lift)
     return np.interp(wanted, np.maximum.accumulate(lift[: top + 1]), data.chain.theta[: top + 1]), wanted

@@ -19,10 +19,12 @@ from camtorque.laws import LINEAR_NAMES, ON_BRIDGE, chamber, driveline, ripple, 
 from camtorque.laws.chamber import NO_PATH
 from camtorque.laws.swing import Swing
 from camtorque.laws.torque import bin_restoring, bin_taps, binned_by, torque_columns, torque_tangents
+from camtorque.mechanism.cam import lobe_count
 from camtorque.mechanism.friction import NO_FRICTION
 from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.torque import Constants, constants_of
 from camtorque.records import Array, ReadOnly
+from camtorque.units import TURN
 
 BINS = 600
 """Bins of a revolution in which measured and modelled torque are compared."""
@@ -68,6 +70,7 @@ class ChainInput(ReadOnly):
     swing : of the cam within a turn, where a wheel on it saw that: twist is rebuilt above its orders only
     ripple_order : times a revolution that the drive repeats a torque, 0 for none
     told : (3, n) of the swing, with two derivatives by the even angle [rad]; else (3, 0)
+    lobes, top_lift, top_angle : how many alike the cam has, their lift [m], cam angle of the first one's top [rad]
     in_signal : (BINS, 3) columns of the torque's zero and of that ripple
     """
 
@@ -86,6 +89,7 @@ class ChainInput(ReadOnly):
     ripple_order: int = 0
     twist: driveline.TwistBasis = field(init=False)
     told: Array = field(init=False)
+    lobes: int = field(init=False)
     top_lift: float = field(init=False)
     top_angle: float = field(init=False)
     constants: Constants = field(init=False)
@@ -96,9 +100,11 @@ class ChainInput(ReadOnly):
         seen, told = (swing.order, swing.told(self.theta.size)) if swing else (0, np.zeros((3, 0)))
         pump = replace(self.pump, follower_offset=self.offset)
         waves = ripple.binned_waves(self.ripple_order, BINS, self.theta.size)
+        lobes = lobe_count(lift)
         made = {
             "twist": driveline.twist_basis(self.shaft_torque, self.speed, self.trigger_angle, seen), "told": told,
-            "top_lift": float(np.max(lift)), "top_angle": float(self.theta[np.argmax(lift)]),
+            "lobes": lobes, "top_lift": float(np.max(lift)),
+            "top_angle": float(self.theta[np.argmax(lift[: lift.size // lobes])]),
             "substeps": self.substeps if self.substeps.size else np.ones(self.theta.size, dtype=np.int64),
             "constants": constants_of(pump, Mounting(), NO_FRICTION)._replace(cam_inertia=0.0),
             "in_signal": np.column_stack([np.ones(BINS), waves]),
@@ -223,7 +229,9 @@ def chamber_of(
     vector = np.array([values[name] for name in chamber.NAMES]) * chamber.UNITS
     end_lift, end_slope = _closed_at(data, values)
     step = 2e3 * np.pi / n / data.speed
-    geometry = np.array([data.pump.plunger_area * 1e6, data.top_lift * 1e3, step, end_lift, end_slope, data.top_angle])
+    period = TURN / data.lobes if data.lobes > 1 else 0.0
+    area, top = data.pump.plunger_area * 1e6, data.top_lift * 1e3
+    geometry = np.array([area, top, step, end_lift, end_slope, data.top_angle, period])
     grid = (motion.theta, motion.lift[0] * 1e3, motion.lift[1] * 1e3, data.line_pressure * 1e-5, data.substeps)
     pressure, by, states, flows, path = chamber.revolution(vector, geometry, grid, motion.shifts[0], known, tangents)
     by *= TANGENT_UNITS[: by.shape[1]]

@@ -102,7 +102,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
     ----------
     parameters : (N,) in kernel units, order of `NAMES`
     geometry : plunger area [mm^2], full lift [mm], time step of the grid [ms]; lift at the end of delivery [mm] and its
-        slope [mm/rad], angle of the full lift [rad]
+        slope [mm/rad], angle of the full lift, and that from one lobe to the next, 0 where there is one [rad]
     theta, lift, slope, line : (n,) [rad], [mm], [mm/rad], [bar] (zero error not yet taken off)
     substeps : (n,) steps between grid point i - 1 and i
     shifts : (n, n_shift) derivative of the cam angle by the parameters that move it
@@ -123,7 +123,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
     v0, modulus, bend, air, feed, y_port, k_port, h_port, rounded, end, width = parameters[:11]
     y_spill, k_spill, h_spill, p_open, area_out, force, retraction, v_gallery = parameters[11:19]
     mass_valve, damping, seat, exposure, leak, growth, zero, suction, stroke, again, column, spring = parameters[19:]
-    plunger, top_lift, grid_step, end_lift, end_slope, top_angle = geometry
+    plunger, top_lift, grid_step, end_lift, end_slope, top_angle, period = geometry
     n = theta.size
     n_shift = shifts.shape[1]
     n_all = N + n_shift if want_tangents else 0
@@ -176,6 +176,8 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
             part = sub / steps
             y = lift[before] + (lift[i] - lift[before]) * part
             angle = theta[before] + (theta[i] - theta[before]) * part
+            if period > 0.0:  # a land closes the outlet once a stroke
+                angle -= period * np.floor(angle / period)
             behind = line[before] + (line[i] - line[before]) * part - zero
             volume = v0 + plunger * (top_lift - y)
             port_x = (y_port - y) / h_port

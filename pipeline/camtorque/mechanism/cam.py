@@ -14,6 +14,9 @@ from camtorque.records import Array, ReadOnly
 from camtorque.units import TURN
 
 Real = TypeVar("Real", bound=np.floating)
+MOST_LOBES, REPEATED = 12, 0.995
+"""Lobes of one cam at most, and share of the variance of its lift that has to repeat itself with them: lobes that are
+7 % of their stroke apart count as alike, those of two pumps do not."""
 
 
 @njit(cache=True, fastmath={"contract", "nsz"})
@@ -122,3 +125,10 @@ def by_pieces(coefficients: NDArray[Real], x: NDArray[Real], highest: int) -> ND
             out[k] = out[k] * x + k * out[k - 1]
         out[0] = out[0] * x + row
     return out
+
+
+def lobe_count(lift: Array) -> int:
+    """Return how many lobes that are alike a lift at even angles of a revolution has, (n,)."""
+    power = np.abs(np.fft.rfft(lift)[1:]) ** 2
+    whole = REPEATED * np.sum(power)
+    return max((n for n in range(2, MOST_LOBES + 1) if np.sum(power[n - 1 :: n]) >= whole), default=1)
