@@ -103,6 +103,14 @@ def test_a_table_that_does_not_count_from_the_start_of_lift_is_refused(tmp_path:
         read_cam_table(pump(file))
 
 
+@pytest.mark.parametrize("lower", [0.0, 0.002, 0.02])
+def test_a_later_lobe_may_be_ground_higher_than_the_first(tmp_path: Path, lower: float):
+    file = tmp_path / "cam.csv"
+    lobe = LIFT_A[:360:2]
+    file.write_text(rows(np.arange(360.0), np.concatenate([(1.0 - lower) * lobe, lobe])))
+    assert np.argmax(read_cam_table(pump(file))[0].lift) == np.argmax(lobe) + (180 if lower else 0)
+
+
 @pytest.mark.parametrize(("step", "told"), [(2, False), (5, False), (30, True)])
 def test_a_table_whose_flanks_have_few_rows_is_told(tmp_path: Path, step: int, told: bool):
     file = tmp_path / "cam.csv"

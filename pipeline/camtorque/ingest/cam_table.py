@@ -27,6 +27,8 @@ ABOVE_ZERO, FAR_ABOVE_ZERO = 0.02, 0.2
 MOST_AT_ZERO, LAST_TOP = 0.4, np.radians(185.0)
 """Share of the stroke that the lift may have at angle zero, and angle at which it has to be at its top [rad]: rising
 flank and end of delivery are sought from zero to half a revolution; an eccentric is at its top there."""
+LOBE_TOP = 0.97
+"""Share of the stroke from which a rise is a lobe's top, be it worn or ground lower than another one's."""
 COARSE = 0.2
 """Share of the stroke between two rows beyond which the lift between them is a guess, as of a pressure curve: a flank
 of five points."""
@@ -137,7 +139,8 @@ def _check_zero(table: SmallTable, theta: Array, lift: Array) -> None:
     """Refuse a table whose angles do not count from the start of the lift."""
     above = (lift - np.min(lift)) / np.ptp(lift)
     at_zero = float(np.interp(0.0, theta, above, period=2.0 * np.pi))
-    highest = int(np.argmax(above >= 0.999))
+    first = int(np.argmax(above >= LOBE_TOP))
+    highest = first + int(np.argmax(above[first:] * np.logical_and.accumulate(above[first:] >= LOBE_TOP)))
     top = float(theta[highest]) % (2.0 * np.pi)
     if at_zero <= MOST_AT_ZERO and top <= LAST_TOP:
         return
