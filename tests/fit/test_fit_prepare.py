@@ -119,9 +119,28 @@ def test_a_known_fuel_is_known_better():
     assert (diesel[0], any_fuel[0]) == (1.33e9, 1.35e9)
     unsure = modulus_prior("ISO 4113", None)
     assert unsure[1] > diesel[1]
-    assert modulus_prior("water", None) is None
+    assert modulus_prior("", None) is None
+    # a name that tells nothing is no fuel of any kind: freon would be softer, mercury stiffer
+    named = modulus_prior("V-Oil 7", ZERO + 40.0)
+    assert named[1] > 2.0 * any_fuel[1]
+    assert named[2] == "V-Oil 7, of which nothing is known, at 40 degC"
     slope = (modulus_prior("diesel", ZERO + 41.0)[0] - diesel[0]) / 1.0
     assert slope == pytest.approx(MODULUS_PER_KELVIN, rel=0.01)
+
+
+def test_thin_fuels_leak_more_and_drag_less():
+    rows = {}
+    for name in ("", "diesel", "gasoline", "DME"):
+        rows[name] = dict(ROWS)
+        _set_warm(rows[name], FluidSpec(name=name), None)
+    assert rows["diesel"]["leakage"] == rows[""]["leakage"] == ROWS["leakage"]
+    means = [rows[name]["leakage"].prior[0] for name in ("diesel", "gasoline", "DME")]
+    assert means == pytest.approx([0.5e-14, 2.6e-14, 6.5e-14], rel=1e-6)
+    assert rows["DME"]["plunger_viscous"].prior == pytest.approx((10.0 / 13.0, 25.0 / 13.0))
+    # the bound gives way: a soft fuel at 60 degrees lies below that of diesels
+    hot = dict(ROWS)
+    _set_warm(hot, FluidSpec(name="DME"), ZERO + 60.0)
+    assert hot["bulk_modulus"].lower < hot["bulk_modulus"].prior[0] - 2.0 * hot["bulk_modulus"].prior[1]
 
 
 def test_a_heavy_fuel_is_as_soft_as_it_is_hot_and_as_thin_as_a_pump_needs_it():
@@ -257,6 +276,8 @@ def test_a_shaft_is_expected_to_be_made_for_its_torque():
     ("diesel with 20 % ethanol", "residual-free test oil", 1.28e9, 1.38e9), ("E10", "petrol E5", 0.9e9, 1.1e9),
     ("EN 590 with 6,5 % FAME", "winter diesel (kerosene 30 %)", 1.28e9, 1.38e9), ("RMG 380", "Schweroel", 1.9e9, 2.2e9),
     ("test oil, jet at 40 bar", "No. 2 diesel free of FAME", 1.28e9, 1.38e9),
+    ("dimethyl ether", "DME", 0.4e9, 0.6e9), ("water glycol", "50 % ethylene glycol", 2.6e9, 3.1e9),
+    ("demineralised water", "water", 2.2e9, 2.4e9), ("water-free ethanol", "alcohol", 0.8e9, 0.95e9),
     ("M85", "100 % ethanol", 0.8e9, 0.95e9), ("diesel of 87.5 % kerosene", "jet A1", 1.1e9, 1.3e9),
 ])  # fmt: skip
 def test_a_fuel_is_known_by_its_names(name, like, low, high) -> None:

@@ -207,7 +207,7 @@ CHANNEL = TableSchema("[[channels]]", "where each quantity lies", (
 ), many=True)  # fmt: skip
 
 FLUID = TableSchema("[fluid]", "the fuel or oil, where known", (
-    Key("name", "text", "diesel, ISO 4113, gasoline, methanol, kerosene, HVO, marine, heavy fuel and the like",
+    Key("name", "text", "diesel, ISO 4113, gasoline, methanol, kerosene, HVO, marine, heavy fuel, DME, glycol",
         default="", own=True),
     Key("temperature_C", "number", "at the pump inlet, where no `fuel_temperature` channel tells", "C", None,
         Band(*LIQUID_C, "liquid fuel"), own=True),
