@@ -1,8 +1,9 @@
 """What to record next: what a second tooth or another speed would narrow, and the cheapest runs to one wanted number.
 
-A run's expected information is J' W J at the values of the fit, its own zeros and end of delivery integrated out, with
-the weights that it would have: scatter of as many cycles as it lasts, and the error of the laws, which is the same in
-all runs and therefore counts as often as there are runs. Runs are chosen one by one, the most gain per minute first.
+A run's expected information is J' W J at the values of the fit, its own zeros and end of delivery and the error of the
+lift table integrated out, with the weights that it would have: scatter of as many cycles as it lasts, and the error of
+the laws. That and the table's are the same in all runs and therefore count as often as there are runs: the fitted ones
+tell less beside another one. Runs are chosen one by one, the most gain per minute first.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from camtorque.fit.forecast import settled, values_of
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.prepare import bin_weights
 from camtorque.fit.single import Fit
-from camtorque.fit.solver import normal_equations
+from camtorque.fit.solver import lift_columns, normal_equations
 from camtorque.fit.teeth import PLACE_STD
 from camtorque.fit.uncertainty import inverse
 from camtorque.laws import ROWS
@@ -30,6 +31,7 @@ from camtorque.laws.chain import (
     evaluate,
 )
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
+from camtorque.laws.lift import LiftCorrection
 from camtorque.records import Array, ReadOnly
 
 TOOTH_ANGLE = np.radians(60.0)
@@ -116,7 +118,14 @@ def _joined(fit: Fit, information: Array, factor: float) -> Array:
 
 @dataclass(frozen=True)
 class OperatingPoint(ReadOnly):
-    """One speed and load evaluated: columns by the fit's shared parameters, by the run's own ones, twist at a tooth."""
+    """One speed and load evaluated.
+
+    Attributes
+    ----------
+    shared, own, lift : columns by the fit's shared parameters, by the run's own ones and by the coefficients of the
+        lift correction, the latter two for one standard deviation of what is known beforehand
+    tooth : twist at a second tooth by the shared parameters
+    """
 
     speed: float
     load: str
@@ -125,6 +134,7 @@ class OperatingPoint(ReadOnly):
     own: Array
     tooth: Array
     scatter: float
+    lift: Array
 
 
 @dataclass(frozen=True)
@@ -180,7 +190,7 @@ class Measuring:
 
 
 def operating_point(
-    known: KnownFit, chain: ChainInput, source: FittedAt, load: str, measuring: Measuring
+    known: KnownFit, chain: ChainInput, source: FittedAt, load: str, measuring: Measuring, basis: LiftCorrection
 ) -> OperatingPoint:
     """Return one speed and load.
 
@@ -188,8 +198,9 @@ def operating_point(
     ----------
     chain : pump, cam, speed, line pressure
     source : recording whose own parameters stand in
+    basis : of the correction of the lift table
     """
-    places, chain, output, linear = evaluated(known, chain, source)
+    places, chain, output, values = evaluated(known, chain, source)
     by = derivative_by(output, list(places))
     shared = np.zeros((BINS, len(known.names)))
     tooth = np.zeros(len(known.names))
@@ -200,18 +211,18 @@ def operating_point(
             continue
         shared[:, k] = by[:, at]
         tooth[k] = turned.get(name, 0.0)
-    torque = output.torque + output.linear @ linear
-    return OperatingPoint(chain.speed, load, torque, shared, np.column_stack(own), tooth, measuring.scatter)
+    torque, lift = output.torque + output.linear @ coefficients_of(values), lift_columns(chain, basis, output, values)
+    return OperatingPoint(chain.speed, load, torque, shared, np.column_stack(own), tooth, measuring.scatter, lift)
 
 
 def evaluated(
     known: KnownFit, chain: ChainInput, source: FittedAt
-) -> tuple[dict[str, int], ChainInput, ChainOutput, Array]:
-    """Return the places of the parameters in the fit, the settled chain, it with its derivatives, its coefficients."""
+) -> tuple[dict[str, int], ChainInput, ChainOutput, dict[str, float]]:
+    """Return the places of the parameters in the fit, the settled chain, it with its derivatives, all values."""
     places = known.own(source.id)
     values = values_of({name: float(known.values[k]) for name, k in places.items()}, source)
-    chain, linear = settled(chain, values), coefficients_of(values)
-    return places, chain, evaluate(chain, values, linear, tangents=True), linear
+    chain = settled(chain, values)
+    return places, chain, evaluate(chain, values, coefficients_of(values), tangents=True), values
 
 
 def information(offer: Offer, runs: int) -> Array:
@@ -219,16 +230,40 @@ def information(offer: Offer, runs: int) -> Array:
     point = offer.point
     cycles = max(0.5 * offer.duration * point.speed / (2.0 * np.pi), 4.0)  # the other half is held out
     weight = bin_weights(point.torque, point.scatter / np.sqrt(cycles), runs)
-    shared, own = point.shared * weight[:, None], point.own * weight[:, None]
+    shared = point.shared * weight[:, None]
+    own = np.column_stack([point.own, np.sqrt(runs) * point.lift]) * weight[:, None]
     cross = shared.T @ own
     block = own.T @ own + np.eye(own.shape[1])
     found = shared.T @ shared - cross @ np.linalg.solve(block, cross.T)
     return np.asarray(found + (np.outer(point.tooth, point.tooth) / PLACE_STD**2 if offer.tooth else 0.0))
 
 
+def known_beside(known: KnownFit, fitted: Sequence[Offer], made: Sequence[Step], runs: int) -> Array:
+    """Return the information after the runs made, (k, k) [1/SI^2], when there are so many runs with all others.
+
+    Parameters
+    ----------
+    fitted : recordings of the fit, or some that stand for all
+    """
+    before, count = inverse(known.matrix), len(known.recordings)
+    if fitted:
+        lost = np.sum([information(run, count) - information(run, runs) for run in fitted], axis=0)
+        before = lessened(before, count / len(fitted) * lost, 1.0 - count / runs)
+    return np.asarray(before + sum(information(row.offer, runs) for row in made))
+
+
+def lessened(information: Array, lost: Array, most: float) -> Array:
+    """Return an information (k, k) less what of it is lost, in no direction more than a share of it."""
+    root = np.linalg.cholesky(information)
+    half = np.linalg.solve(root, lost)
+    share, directions = np.linalg.eigh(np.linalg.solve(root, half.T))
+    turned = root @ directions
+    return np.asarray(information - turned * np.clip(share, 0.0, most) @ turned.T)
+
+
 def plan(
     known: KnownFit, target: TargetQuantity, wanted: float, points: Sequence[OperatingPoint],
-    durations: Sequence[float], teeth: Sequence[bool] = (False, True),
+    durations: Sequence[float], teeth: Sequence[bool] = (False, True), fitted: Sequence[Offer] = (),
 ) -> tuple[Step, ...]:  # fmt: skip
     """Return the runs that bring the standard uncertainty of a number to ``wanted`` [SI], best first.
 
@@ -239,6 +274,7 @@ def plan(
     ----------
     durations : that may be chosen [s]
     teeth : whether runs without and with a second tooth may be chosen
+    fitted : see `known_beside`
     """
     chosen: list[Step] = []
     sufficient: list[list[Step]] = []
@@ -246,7 +282,7 @@ def plan(
     wanted *= AS_GOOD
     while std > wanted and len(chosen) < MOST_RUNS:
         offers = [Offer(point, d, tooth) for point in points for d in durations for tooth in teeth]
-        worth = weighed(known, target, offers, chosen)
+        worth = weighed(known, target, offers, chosen, fitted)
         tried = [row for row in worth if row.std <= (1.0 - LEAST_GAIN) ** (row.minutes / SETUP_MINUTES) * std]
         if not tried:
             break
@@ -259,34 +295,37 @@ def plan(
         sufficient.append(chosen)
     if not sufficient:
         return tuple(chosen)
-    trimmed = [needed(known, target, wanted, rows) for rows in sufficient]
+    trimmed = [needed(known, target, wanted, rows, fitted) for rows in sufficient]
     return tuple(min(trimmed, key=lambda rows: sum(row.minutes for row in rows)))
 
 
-def weighed(known: KnownFit, target: TargetQuantity, offers: Sequence[Offer], made: Sequence[Step] = ()) -> list[Step]:
+def weighed(
+    known: KnownFit, target: TargetQuantity, offers: Sequence[Offer], made: Sequence[Step] = (),
+    fitted: Sequence[Offer] = (),
+) -> list[Step]:  # fmt: skip
     """Return every run on offer as the next one after those made; a second tooth that is there costs nothing more."""
     runs = len(known.recordings) + len(made) + 1
-    before = inverse(known.matrix)
-    for number, row in enumerate(made, len(known.recordings) + 1):
-        before = before + information(row.offer, number)
-    fitted = any(row.offer.tooth for row in made)
+    before = known_beside(known, fitted, made, runs)
+    has_tooth = any(row.offer.tooth for row in made)
     found = []
     for offer in offers:
         after = inverse(before + information(offer, runs))
-        tooth = TOOTH_MINUTES if offer.tooth and not fitted else 0.0
+        tooth = TOOTH_MINUTES if offer.tooth and not has_tooth else 0.0
         minutes = SETUP_MINUTES + offer.duration / 60.0 + tooth
         found.append(Step(offer, minutes, target.std(after)))
     return found
 
 
-def needed(known: KnownFit, target: TargetQuantity, wanted: float, chosen: Sequence[Step]) -> list[Step]:
+def needed(
+    known: KnownFit, target: TargetQuantity, wanted: float, chosen: Sequence[Step], fitted: Sequence[Offer] = ()
+) -> list[Step]:
     """Return the runs without those that later ones made needless, the most expensive of these first."""
     kept = list(chosen)
     for row in sorted(chosen, key=lambda item: -item.minutes):
         rest: list[Step] = []
         for item in kept:
             if item.offer is not row.offer:
-                rest += weighed(known, target, [item.offer], rest)
+                rest += weighed(known, target, [item.offer], rest, fitted)
         if rest and rest[-1].std <= wanted:
             kept = rest
     return kept
