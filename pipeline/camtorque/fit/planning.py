@@ -8,16 +8,18 @@ tell less beside another one. Runs are chosen one by one, the most gain per minu
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from camtorque.fit.forecast import settled, values_of
+from camtorque.fit.joint_input import common_error
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.prepare import bin_weights
 from camtorque.fit.single import Fit
-from camtorque.fit.solver import lift_columns, normal_equations
+from camtorque.fit.solver import lift_columns, lift_modes, normal_equations
 from camtorque.fit.teeth import PLACE_STD
 from camtorque.fit.uncertainty import inverse
 from camtorque.laws import ROWS
@@ -59,8 +61,9 @@ def next_measurement(fit: Fit, has_teeth: bool = False) -> tuple[str, ...]:
     """
     names = fit.problem.names
     watched = [name for name in OUTCOMES if name in names]
-    today = fit.unbounded_std
-    rest = today**2 - fit.covariance.std**2  # other laws and structures, the trigger's switching: no run narrows these
+    today = fit.std
+    # other laws and structures, the trigger's switching: no run narrows these
+    rest = fit.unbounded_std**2 - fit.covariance.std**2
     texts = []
     for title, matrix in proposals(fit):
         if title == TOOTH and has_teeth:
@@ -81,9 +84,9 @@ def proposals(fit: Fit) -> list[tuple[str, Array]]:
     result = [(TOOTH, inverse(information + np.outer(row, row) / PLACE_STD**2))]
     for factor in SPEED_FACTORS:
         rpm = fit.problem.data[0].chain.speed * factor * 30.0 / np.pi
-        total = _joined(fit, information, factor)
+        alone, total = _joined(fit, factor)
         # a run takes no knowledge away: where it does, a tangent ran away there and the sums are rounding
-        if np.all(np.diag(total) > (1.0 - ROUNDING) * np.diag(information)):
+        if np.all(np.diag(total) > (1.0 - ROUNDING) * np.diag(alone)):
             result.append((f"the same load at {rpm:.0f} rpm, fitted jointly,", inverse(total)))
     return result
 
@@ -98,34 +101,37 @@ def tooth_shifts(chain: ChainInput, output: ChainOutput) -> dict[str, float]:
     }
 
 
-def _joined(fit: Fit, information: Array, factor: float) -> Array:
-    """Return the information after a further recording at another speed, its own parameters apart."""
-    problem = fit.problem
-    item = problem.data[0]
-    other = replace(item, chain=replace(item.chain, speed=item.chain.speed * factor))
-    moved = replace(problem, data=(other,))
-    scaled, _, _ = normal_equations(moved, fit.solution.z, fit.solution.residual, fit.solution.lift)
-    steps = problem.steps
-    added = scaled / np.outer(steps, steps) / fit.covariance.inflation
-    own = np.array([parameter.row.role == "own" for parameter in problem.parameters])
-    block = added[np.ix_(own, own)] + np.diag(1.0 / fit.covariance.prior_std[own] ** 2)
+def _joined(fit: Fit, factor: float) -> tuple[Array, Array]:
+    """Return the information before and after a further recording at another speed, its own parameters apart.
+
+    Both are weighed as one of two: the error of laws and lift table is the same in them.
+    """
+    before = fit.covariance.prior_std
+    alone, added = _one_of_two(fit, 1.0) + np.diag(1.0 / before**2), _one_of_two(fit, factor)
+    own = np.array([parameter.row.role == "own" for parameter in fit.problem.parameters])
+    block = added[np.ix_(own, own)] + np.diag(1.0 / before[own] ** 2)
     shared = np.ix_(~own, ~own)
     cross = added[np.ix_(~own, own)]
-    total = information.copy()
+    total = alone.copy()
     total[shared] += added[shared] - cross @ np.linalg.solve(block, cross.T)
-    return total
+    return alone, total
+
+
+def _one_of_two(fit: Fit, factor: float) -> Array:
+    """Return what the recording would tell at so many times its speed as one of two that are fitted together."""
+    item = common_error(fit.problem.data[0], 2)
+    moved = replace(item, chain=replace(item.chain, speed=item.chain.speed * factor))
+    problem = replace(fit.problem, data=(moved,))
+    values, _ = problem.values(fit.solution.z, 0)
+    lift = lift_modes(moved, fit.solution.output, values, math.sqrt(2.0))
+    scaled, _, _ = normal_equations(problem, fit.solution.z, fit.solution.residual, lift)
+    # a joint fit does not count a residual for less than its weights
+    return scaled / np.outer(problem.steps, problem.steps) / max(fit.covariance.inflation, 1.0)
 
 
 @dataclass(frozen=True)
 class OperatingPoint(ReadOnly):
-    """One speed and load evaluated.
-
-    Attributes
-    ----------
-    shared, own, lift : columns by the fit's shared parameters, by the run's own ones and by the coefficients of the
-        lift correction, the latter two for one standard deviation of what is known beforehand
-    tooth : twist at a second tooth by the shared parameters
-    """
+    """One speed and load: columns by shared parameters, by prior deviations of own ones and lift, twist at a tooth."""
 
     speed: float
     load: str
@@ -211,7 +217,8 @@ def operating_point(
             continue
         shared[:, k] = by[:, at]
         tooth[k] = turned.get(name, 0.0)
-    torque, lift = output.torque + output.linear @ coefficients_of(values), lift_columns(chain, basis, output, values)
+    torque = output.torque + output.linear @ coefficients_of(values)
+    lift = lift_columns(chain, basis, output, values) * basis.prior_std
     return OperatingPoint(chain.speed, load, torque, shared, np.column_stack(own), tooth, measuring.scatter, lift)
 
 

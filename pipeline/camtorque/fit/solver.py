@@ -92,11 +92,11 @@ def no_lift() -> LiftModes:
 
 
 def lift_columns(chain: ChainInput, basis: LiftCorrection, output: ChainOutput, values: dict[str, float]) -> Array:
-    """Return the measured torque of one standard deviation of each coefficient of a correction, (BINS, n) [N m]."""
+    """Return the measured torque of each coefficient of a correction, (BINS, n) [N]."""
     columns = basis.binned_torque(output.motion.theta, output.load, BINS)
     shaft, measured, *_ = transfer(chain, values, BINS)
     behind = shaft * measured * bin_restoring(chain.theta.size // BINS, BINS)
-    return filtered(columns, behind) * basis.prior_std
+    return filtered(columns, behind)
 
 
 def lift_modes(
@@ -108,7 +108,7 @@ def lift_modes(
     weaker than ``cut`` are left out.
     """
     basis = item.lift_basis
-    columns = lift_columns(item.chain, basis, output, values) * (item.weight * inflate)[:, None]
+    columns = lift_columns(item.chain, basis, output, values) * (item.weight * basis.prior_std * inflate)[:, None]
     felt = np.sum(columns**2, axis=0) > (UNFELT * cut) ** 2
     columns = columns[:, felt]
     squares, right = np.linalg.eigh(columns.T @ columns)
