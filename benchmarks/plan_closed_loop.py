@@ -23,7 +23,7 @@ from camtorque.fit.joint import joint_fit_of, solve_joint
 from camtorque.fit.joint_input import JointInput, joint_input
 from camtorque.fit.known_ends import Curve
 from camtorque.fit.known_fit import FittedAt, KnownFit
-from camtorque.fit.planning import Measuring, TargetQuantity, operating_point, plan
+from camtorque.fit.planning import Measuring, Offer, TargetQuantity, operating_point, plan
 from camtorque.fit.single import Prepared, prepare
 from camtorque.plan import SPEED_FACTORS
 from camtorque.units import RPM
@@ -97,7 +97,7 @@ class Bench:
 
 def proposed(bench: Bench, added: Runs, target: str) -> Run | None:
     """Return the run that `plan` proposes first, None where it proposes none."""
-    known, points, loads = bench.fitted(added), [], {}
+    known, points, fitted, loads = bench.fitted(added), [], [], {}
     for run in START:
         item, _ = bench.recorded(run, 0)
         curve = Curve(item.cycles.theta, item.means.pressure_all, item.cycles.mean_speed)
@@ -108,18 +108,15 @@ def proposed(bench: Bench, added: Runs, target: str) -> Run | None:
             name: row.prior[1] for name, row in item.candidates[0].data.rows.items() if row.role == "own" and row.prior
         }
         loads[source.id] = run[1]
-        for share in SPEED_FACTORS:
-            points.append(
-                operating_point(
-                    known,
-                    chain_of(rig_of(item), MIDDLE * share * RPM, curve, source.structure),
-                    source,
-                    source.id,
-                    Measuring(scatter, own),
-                )
-            )
+        found = []
+        for speed in (item.cycles.mean_speed, *(MIDDLE * share * RPM for share in SPEED_FACTORS)):
+            chain = chain_of(rig_of(item), speed, curve, source.structure)
+            basis = item.candidates[0].data.lift_basis
+            found.append(operating_point(known, chain, source, source.id, Measuring(scatter, own), basis))
+        fitted.append(Offer(found[0], DURATION, False))
+        points += found[1:]
     gradient = np.eye(len(known.names))[known.names.index(target)]
-    steps = plan(known, TargetQuantity(gradient), 0.0, points, (DURATION,), teeth=(False,))
+    steps = plan(known, TargetQuantity(gradient), 0.0, points, (DURATION,), (False,), fitted)
     if not steps:
         return None
     offer = steps[0].offer

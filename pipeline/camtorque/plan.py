@@ -11,7 +11,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from camtorque.finished_fit import CYCLES, chain_of, curve_of, read_fit, rig_of
+from camtorque.finished_fit import CYCLES, Rig, chain_of, curve_of, read_fit, rig_of
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.planning import (
     AS_GOOD,
@@ -19,6 +19,7 @@ from camtorque.fit.planning import (
     TOOTH_MINUTES,
     Measuring,
     Offer,
+    OperatingPoint,
     Step,
     TargetQuantity,
     chamber_peak,
@@ -26,6 +27,7 @@ from camtorque.fit.planning import (
     plan,
     weighed,
 )
+from camtorque.fit.prepare import lift_basis
 from camtorque.fit.uncertainty import COVERAGE
 from camtorque.hashes import input_file
 from camtorque.jsonable import now as created
@@ -109,16 +111,15 @@ def plan_runs(fit: Path | str, target: str, tooth: bool = True, speeds_rpm: Sequ
     goal = _target(known, folder, reports, wanted)
     middle = float(np.exp(np.mean([np.log(item.speed) for item in known.recordings])))
     speeds = [speed * RPM for speed in speeds_rpm] or [middle * factor for factor in SPEED_FACTORS]
-    points, rigs = [], {item.id: rig_of(reports[item.id]) for item in loads}
+    points, fitted, rigs = [], [], {item.id: rig_of(reports[item.id]) for item in loads}
     for item in loads:
-        rig, curve = rigs[item.id], curve_of(reports[item.id], item.speed)
-        measuring = measuring_of(reports[item.id])
-        for speed in speeds:
-            chain = chain_of(rig, speed, curve, item.structure)
-            points.append(operating_point(known, chain, item, item.id, measuring))
+        own, *others = points_of(known, item, rigs[item.id], reports[item.id], [item.speed, *speeds])
+        fitted.append(Offer(own, recorded_seconds(reports[item.id]), False))
+        points += others
     teeth = (False, True) if tooth and not any(rig.has_teeth for rig in rigs.values()) else (False,)
-    steps = plan(known, goal.number, goal.wanted, points, DURATIONS, teeth)
-    alone = weighed(known, goal.number, [Offer(point, DURATIONS[0], tooth) for tooth in teeth for point in points])
+    steps = plan(known, goal.number, goal.wanted, points, DURATIONS, teeth, fitted)
+    offers = [Offer(point, DURATIONS[0], tooth) for tooth in teeth for point in points]
+    alone = weighed(known, goal.number, offers, (), fitted)
     names = [row["id"] for row in found.rows]
     return {**_document(known, goal, steps, alone), "recordings": names, "inputs": inputs}
 
@@ -131,6 +132,23 @@ def _loads(known: KnownFit) -> list[FittedAt]:
     ordered = sorted(known.recordings, key=lambda item: item.speed)
     places = sorted({0, len(ordered) // 2, len(ordered) - 1})
     return [ordered[k] for k in places]
+
+
+def points_of(known: KnownFit, item: FittedAt, rig: Rig, report: Path, speeds: Sequence[float]) -> list[OperatingPoint]:
+    """Return the load of a fitted recording at some speeds [rad/s]."""
+    curve, measuring = curve_of(report, item.speed), measuring_of(report)
+    points = []
+    for speed in speeds:
+        chain = chain_of(rig, speed, curve, item.structure)
+        basis = lift_basis(rig.table, chain.law, chain.theta)
+        points.append(operating_point(known, chain, item, item.id, measuring, basis))
+    return points
+
+
+def recorded_seconds(report: Path) -> float:
+    """Return how long the cycles of a report lasted that it used."""
+    with h5py.File(report / CYCLES) as file:
+        return float(np.sum(2.0 * np.pi / np.asarray(file["cycles/speed"])))
 
 
 def measuring_of(report: Path) -> Measuring:

@@ -21,13 +21,14 @@ from camtorque.fit.planning import (
     OperatingPoint,
     TargetQuantity,
     information,
+    lessened,
     needed,
     plan,
     weighed,
 )
 from camtorque.laws.chain import BINS
 from camtorque.plan import CHAMBER_PEAK, _target, need_size, rest_of, wanted_number
-from camtorque.records import Refusal
+from camtorque.records import Array, Refusal
 
 ANGLE = np.linspace(0.0, 2.0 * np.pi, BINS, endpoint=False)
 KNOWN = KnownFit(("leakage", "bearing_arm"), np.array([1.0, 1.0]), ArrowCovariance.whole(np.eye(2)),
@@ -35,10 +36,14 @@ KNOWN = KnownFit(("leakage", "bearing_arm"), np.array([1.0, 1.0]), ArrowCovarian
 LEAKAGE = TargetQuantity(np.array([1.0, 0.0]))
 
 
-def point(speed: float, leak: float, tooth: float = 0.0, scatter: float = 0.2) -> OperatingPoint:
+NO_LIFT = np.zeros((BINS, 0))
+
+
+def point(speed: float, leak: float, tooth: float = 0.0, scatter: float = 0.2, lift: Array = NO_LIFT) -> OperatingPoint:
     """Return a point whose torque of 40 N m tells of leakage only."""
     shared = np.column_stack([leak * np.sin(ANGLE), np.zeros(BINS)])
-    return OperatingPoint(speed, "a", 40.0 * np.sin(ANGLE), shared, np.ones((BINS, 1)), np.array([tooth, 0.0]), scatter)
+    own, twist = np.ones((BINS, 1)), np.array([tooth, 0.0])
+    return OperatingPoint(speed, "a", 40.0 * np.sin(ANGLE), shared, own, twist, scatter, lift)
 
 
 def test_cycles_help_until_the_error_of_the_laws_is_what_counts() -> None:
@@ -49,8 +54,47 @@ def test_cycles_help_until_the_error_of_the_laws_is_what_counts() -> None:
 
 def test_what_the_runs_own_zero_explains_tells_nothing() -> None:
     flat = OperatingPoint(100.0, "a", 40.0 * np.sin(ANGLE), np.column_stack([np.ones(BINS), np.zeros(BINS)]),
-                 1e3 * np.ones((BINS, 1)), np.zeros(2), 0.2)  # fmt: skip
+                 1e3 * np.ones((BINS, 1)), np.zeros(2), 0.2, NO_LIFT)  # fmt: skip
     assert information(Offer(flat, 60.0, False), 2)[0, 0] < 1e-5
+
+
+def fitted_to(run: Offer, count: int) -> KnownFit:
+    """Return the fit of some recordings of one point, as known before them as `KNOWN` is."""
+    information_of_all = np.eye(2) + count * information(run, count)
+    rows = tuple(FittedAt(f"r{k}", run.point.speed, "land", 0.01, False) for k in range(count))
+    return replace(KNOWN, covariance=ArrowCovariance.whole(np.linalg.inv(information_of_all)), recordings=rows)
+
+
+def test_the_same_run_again_tells_nothing_beyond_its_noise() -> None:
+    """Each repetition was promised to narrow the number where the error of the laws is what counts, the same in all."""
+    run = Offer(point(100.0, 0.05, scatter=1e-6), 20.0, False)
+    for count, stand_ins in ((1, [run]), (6, [run, run])):
+        known = fitted_to(run, count)
+        again = weighed(known, LEAKAGE, [run], (), stand_ins)
+        third = weighed(known, LEAKAGE, [run], again, stand_ins)
+        assert [row.std for row in (*again, *third)] == pytest.approx(2 * [LEAKAGE.std(known.matrix)], rel=1e-6)
+        assert plan(known, LEAKAGE, 0.01, [run.point], (20.0,), (False,), stand_ins) == ()
+
+
+def test_the_noise_of_runs_averages_out() -> None:
+    run = Offer(point(100.0, 0.005, scatter=50.0), 20.0, False)
+    known = fitted_to(run, 1)
+    [again] = weighed(known, LEAKAGE, [run], (), [run])
+    assert again.std == pytest.approx(1.0 / np.sqrt(1.0 + 2.0 * information(run, 1)[0, 0]), rel=1e-3)
+
+
+def test_no_run_loses_more_than_its_share_of_what_is_known() -> None:
+    left = lessened(np.diag([4.0, 1.0]), np.diag([3.0, 0.1]), 0.5)
+    assert left == pytest.approx(np.diag([2.0, 0.9]))
+    told_more = lessened(np.diag([4.0, 1.0]), np.diag([-1.0, 0.0]), 0.5)
+    assert told_more == pytest.approx(np.diag([4.0, 1.0])), "fewer counts tell nothing more"
+
+
+def test_what_the_lift_table_may_be_wrong_by_tells_nothing() -> None:
+    alike = point(100.0, 0.1, lift=10.0 * np.sin(ANGLE)[:, None])
+    sure, unsure = (information(Offer(one, 20.0, False), 2)[0, 0] for one in (point(100.0, 0.1), alike))
+    assert unsure == pytest.approx(0.1**2 / (2 * 10.0**2), rel=0.01)
+    assert sure > 10.0 * unsure
 
 
 def test_the_speed_that_tells_of_the_number_is_chosen_and_no_run_more_than_needed() -> None:
@@ -75,7 +119,7 @@ def test_the_cheapest_run_that_suffices_is_taken_not_the_one_that_narrows_most()
 
 
 def test_two_cheap_runs_are_preferred_to_a_dear_one_that_would_do() -> None:
-    cheap, dear = point(100.0, 0.016), point(100.0, 0.016, tooth=1.5e-3)
+    cheap, dear = (point(100.0, 0.03, tooth, scatter=1.0) for tooth in (0.0, 1.5e-3))
     steps = plan(KNOWN, LEAKAGE, 0.4, [cheap, dear], (20.0,))
     assert [step.offer.tooth for step in steps] == [False, False]
     assert steps[0].std > 0.4 > steps[1].std
@@ -133,7 +177,7 @@ def test_a_bench_that_has_teeth_is_offered_none(monkeypatch: pytest.MonkeyPatch,
         "read_fit": lambda path: fit, "_loads": lambda known: [row], "inputs_document": list, "input_file": str,
         "_target": lambda *given: SimpleNamespace(number=LEAKAGE, wanted=0.5), "curve_of": lambda *given: None,
         "rig_of": lambda path: SimpleNamespace(has_teeth=teeth), "measuring_of": lambda path: None,
-        "chain_of": lambda *given: None, "operating_point": lambda *given: point(150.0, 0.3),
+        "points_of": lambda *given: [point(100.0, 0.3), point(150.0, 0.3)], "recorded_seconds": lambda path: 20.0,
         "_document": lambda known, goal, steps, alone: {"teeth": {step.offer.tooth for step in alone}},
     }  # fmt: skip
     for name, stub in stubs.items():

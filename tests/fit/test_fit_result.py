@@ -184,6 +184,18 @@ def test_a_second_tooth_and_another_speed_narrow(fit):
             assert std[names.index("dead_volume")] < today[names.index("dead_volume")]
 
 
+def test_another_speed_is_weighed_as_one_of_two(fit):
+    """The error of laws and lift table is the same in both: half of the recording's own weight beside the other."""
+    titled = [matrix for title, matrix in proposals(fit) if "rpm" in title]
+    single, names = np.sqrt(np.diag(fit.covariance.matrix)), fit.problem.names
+    again, _ = planning._joined(fit, 1.0)
+    assert np.all(np.diag(again) < np.diag(planning.inverse(fit.covariance.matrix)) * (1.0 + 1e-6))
+    twice = np.sqrt(np.diag(planning.inverse(planning._joined(fit, 1.0)[1])))
+    shaft = names.index("shaft_compliance")
+    assert twice[shaft] > 0.85 * single[shaft], "the same run again tells nothing beyond its noise"
+    assert min(np.sqrt(matrix[shaft, shaft]) for matrix in titled) < twice[shaft]
+
+
 def test_a_second_tooth_is_not_proposed_beside_a_wheel_or_a_recorded_angle(fit):
     assert any(text.startswith(TOOTH) for text in next_measurement(fit))
     beside = next_measurement(fit, has_teeth=True)
@@ -195,7 +207,7 @@ def test_a_speed_at_which_a_tangent_runs_away_is_not_proposed(fit, monkeypatch):
 
     def running_away(problem, *arguments):
         matrix, vector, output = away(problem, *arguments)
-        column = np.full(len(matrix), 1e11)
+        column = np.full(len(matrix), 1e11 * (problem.data[0].chain.speed != fit.problem.data[0].chain.speed))
         return matrix + np.outer(column, column), vector, output
 
     titles = [title for title, _ in proposals(fit)]

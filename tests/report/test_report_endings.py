@@ -110,6 +110,13 @@ def test_extremes_of_either_hold_those_of_both() -> None:
     assert with_band(line) == with_band(jsonable(line)) == UNKNOWN
 
 
+def test_a_measured_pressure_has_no_interval_of_the_fit() -> None:
+    """That of a sensor in the chamber was told as 1143.6 ± 0.2 bar: its zero alone, its gain is none of the fit's."""
+    forces: list[Forces] = [SimpleNamespace(hertz=np.full(4, 3e9))]  # type: ignore[list-item]
+    measured = sweep_row(run(10.0, 1.0, "line"), forces)["chamber_peak_bar"]
+    assert with_band(measured) == with_band(jsonable(measured)) == UNKNOWN
+
+
 def test_a_page_names_a_fit_by_its_only_recording_or_its_folder(tmp_path: Path) -> None:
     (tmp_path / "campaign.json").touch()
     assert fit_name(tmp_path / "5e1f", ["A_1000rpm"]) == "A_1000rpm"

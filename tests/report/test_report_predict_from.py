@@ -217,6 +217,29 @@ def test_a_step_of_the_model_is_not_scaled_up(
     assert not texts or "Do not build on the torque at 477.5 rpm" in texts[0]
 
 
+def test_what_the_error_of_the_laws_is_not_added_to_is_as_unsure_as_the_fit_states(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The chamber had the narrow covariance of the torque, to which that error is added: 24 % of one inside 2 std."""
+    source = FittedAt("a", 50.0, "land", 0.0, True)
+    stated, shown = (ArrowCovariance.whole(np.diag([factor * 1e-34, 1.0])) for factor in (1.0, 0.04))
+    fit = KnownFit(("leakage", "pressure_zero"), np.array([1e-15, 0.0]), stated, (source,) * 3, shown)
+    names = ("torque", "pressure", "contact", "plunger_force", "angle", "flow", "cause pressure")
+
+    def parts(chain: object, values: dict[str, float], lift: None) -> dict[str, np.ndarray]:
+        moved = 1.0 + 1e17 * (values["leakage"] - 1e-15)
+        return {name: np.full(4, moved) for name in names} | {"mean": np.array(moved), "delivered": np.array(moved)}
+
+    monkeypatch.setattr(forecast_module, "settled", lambda chain, values: chain)
+    monkeypatch.setattr(forecast_module, "_parts", parts)
+    chain = SimpleNamespace(speed=50.0, theta=np.zeros(4), swing=None)
+    found = forecast_module.forecast(fit, chain, source, LoadKnowledge({}), {})  # type: ignore[arg-type]
+    assert found.torque_std == pytest.approx(np.full(4, 0.2), rel=0.25)
+    assert found.mean_std == pytest.approx(0.2, rel=0.25)
+    for std in (found.pressure_std, found.contact_std, found.by_cause_std["pressure"], [found.delivered_std]):
+        assert std == pytest.approx(np.full(len(std), 1.0), rel=0.25)
+
+
 def test_a_run_behind_a_wheel_is_shown_over_cam_angle(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the speed swings, curves over time lay up to degrees beside those of the recording."""
     theta = angle_grid(1800)

@@ -50,6 +50,8 @@ from camtorque.units import BAR, DECIMAL
 DRAWS = 60
 ROUNDS = 4
 """Fixed-point steps for torque, twist and cam angle."""
+OF_TORQUE = ("torque", "mean")
+"""What the error of the laws is added to."""
 Parts = Callable[[ChainInput, Mapping[str, float]], dict[str, Array]]
 CLEARANCE = 4.0e-6
 """Clearance that a change is counted from where none is given [m]."""
@@ -146,7 +148,11 @@ def forecast(
     changes : parameter -> factor, such as a leakage after wear
     """
     center, scatters, stepping = _spread(known, chain, source, load, changes)
-    std = {name: np.min([item.std[name] for item in scatters], axis=0) for name in center}
+    std = least_std(scatters)
+    if known.predictive is not known.covariance:
+        # the error of the laws is added to the torque alone: all else is as unsure as the fit states
+        stated = least_std(_spread(replace(known, residual_covariance=None), chain, source, load, changes)[1])
+        std |= {name: np.maximum(std[name], stated[name]) for name in center if name not in OF_TORQUE}
     share, beyond = law_share(known, chain.speed)
     torque = center["torque"]
     law = law_std(torque, share)
@@ -222,6 +228,11 @@ class Scatter:
 
     std: dict[str, Array]
     torque: Array
+
+
+def least_std(scatters: Sequence[Scatter]) -> dict[str, Array]:
+    """Return the smallest of some scatters, curve by curve and angle by angle."""
+    return {name: np.min([item.std[name] for item in scatters], axis=0) for name in scatters[0].std}
 
 
 def _scatter(

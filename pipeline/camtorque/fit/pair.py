@@ -157,6 +157,11 @@ def pair_of(before: Prepared, after: Prepared, start: Candidate) -> TwoRecording
     return TwoRecordings(items, (before.cycles, after.cycles), names, fixed, none, none, 0.0)  # type: ignore[arg-type]
 
 
+def peak_ratio(before: Prepared, after: Prepared) -> float:
+    """Return the highest mean pressure after over that before, by which two loads are told apart."""
+    return float(np.max(after.means.pressure_all) / np.max(before.means.pressure_all))
+
+
 def at_angle(values: Array, angle: float) -> Array:
     """Return periodic columns read later by an angle, (n,) or (n, m) [rad]."""
     orders = np.arange(values.shape[0] // 2 + 1).reshape(-1, *[1] * (values.ndim - 1))

@@ -1,22 +1,25 @@
 """What to record next: what a second tooth or another speed would narrow, and the cheapest runs to one wanted number.
 
-A run's expected information is J' W J at the values of the fit, its own zeros and end of delivery integrated out, with
-the weights that it would have: scatter of as many cycles as it lasts, and the error of the laws, which is the same in
-all runs and therefore counts as often as there are runs. Runs are chosen one by one, the most gain per minute first.
+A run's expected information is J' W J at the values of the fit, its own zeros and end of delivery and the error of the
+lift table integrated out, with the weights that it would have: scatter of as many cycles as it lasts, and the error of
+the laws. That and the table's are the same in all runs and therefore count as often as there are runs: the fitted ones
+tell less beside another one. Runs are chosen one by one, the most gain per minute first.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from camtorque.fit.forecast import settled, values_of
+from camtorque.fit.joint_input import common_error
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.prepare import bin_weights
 from camtorque.fit.single import Fit
-from camtorque.fit.solver import normal_equations
+from camtorque.fit.solver import lift_columns, lift_modes, normal_equations
 from camtorque.fit.teeth import PLACE_STD
 from camtorque.fit.uncertainty import inverse
 from camtorque.laws import ROWS
@@ -30,6 +33,7 @@ from camtorque.laws.chain import (
     evaluate,
 )
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
+from camtorque.laws.lift import LiftCorrection
 from camtorque.records import Array, ReadOnly
 
 TOOTH_ANGLE = np.radians(60.0)
@@ -57,8 +61,9 @@ def next_measurement(fit: Fit, has_teeth: bool = False) -> tuple[str, ...]:
     """
     names = fit.problem.names
     watched = [name for name in OUTCOMES if name in names]
-    today = fit.unbounded_std
-    rest = today**2 - fit.covariance.std**2  # other laws and structures, the trigger's switching: no run narrows these
+    today = fit.std
+    # other laws and structures, the trigger's switching: no run narrows these
+    rest = fit.unbounded_std**2 - fit.covariance.std**2
     texts = []
     for title, matrix in proposals(fit):
         if title == TOOTH and has_teeth:
@@ -79,9 +84,9 @@ def proposals(fit: Fit) -> list[tuple[str, Array]]:
     result = [(TOOTH, inverse(information + np.outer(row, row) / PLACE_STD**2))]
     for factor in SPEED_FACTORS:
         rpm = fit.problem.data[0].chain.speed * factor * 30.0 / np.pi
-        total = _joined(fit, information, factor)
+        alone, total = _joined(fit, factor)
         # a run takes no knowledge away: where it does, a tangent ran away there and the sums are rounding
-        if np.all(np.diag(total) > (1.0 - ROUNDING) * np.diag(information)):
+        if np.all(np.diag(total) > (1.0 - ROUNDING) * np.diag(alone)):
             result.append((f"the same load at {rpm:.0f} rpm, fitted jointly,", inverse(total)))
     return result
 
@@ -96,27 +101,37 @@ def tooth_shifts(chain: ChainInput, output: ChainOutput) -> dict[str, float]:
     }
 
 
-def _joined(fit: Fit, information: Array, factor: float) -> Array:
-    """Return the information after a further recording at another speed, its own parameters apart."""
-    problem = fit.problem
-    item = problem.data[0]
-    other = replace(item, chain=replace(item.chain, speed=item.chain.speed * factor))
-    moved = replace(problem, data=(other,))
-    scaled, _, _ = normal_equations(moved, fit.solution.z, fit.solution.residual, fit.solution.lift)
-    steps = problem.steps
-    added = scaled / np.outer(steps, steps) / fit.covariance.inflation
-    own = np.array([parameter.row.role == "own" for parameter in problem.parameters])
-    block = added[np.ix_(own, own)] + np.diag(1.0 / fit.covariance.prior_std[own] ** 2)
+def _joined(fit: Fit, factor: float) -> tuple[Array, Array]:
+    """Return the information before and after a further recording at another speed, its own parameters apart.
+
+    Both are weighed as one of two: the error of laws and lift table is the same in them.
+    """
+    before = fit.covariance.prior_std
+    alone, added = _one_of_two(fit, 1.0) + np.diag(1.0 / before**2), _one_of_two(fit, factor)
+    own = np.array([parameter.row.role == "own" for parameter in fit.problem.parameters])
+    block = added[np.ix_(own, own)] + np.diag(1.0 / before[own] ** 2)
     shared = np.ix_(~own, ~own)
     cross = added[np.ix_(~own, own)]
-    total = information.copy()
+    total = alone.copy()
     total[shared] += added[shared] - cross @ np.linalg.solve(block, cross.T)
-    return total
+    return alone, total
+
+
+def _one_of_two(fit: Fit, factor: float) -> Array:
+    """Return what the recording would tell at so many times its speed as one of two that are fitted together."""
+    item = common_error(fit.problem.data[0], 2)
+    moved = replace(item, chain=replace(item.chain, speed=item.chain.speed * factor))
+    problem = replace(fit.problem, data=(moved,))
+    values, _ = problem.values(fit.solution.z, 0)
+    lift = lift_modes(moved, fit.solution.output, values, math.sqrt(2.0))
+    scaled, _, _ = normal_equations(problem, fit.solution.z, fit.solution.residual, lift)
+    # a joint fit does not count a residual for less than its weights
+    return scaled / np.outer(problem.steps, problem.steps) / max(fit.covariance.inflation, 1.0)
 
 
 @dataclass(frozen=True)
 class OperatingPoint(ReadOnly):
-    """One speed and load evaluated: columns by the fit's shared parameters, by the run's own ones, twist at a tooth."""
+    """One speed and load: columns by shared parameters, by prior deviations of own ones and lift, twist at a tooth."""
 
     speed: float
     load: str
@@ -125,6 +140,7 @@ class OperatingPoint(ReadOnly):
     own: Array
     tooth: Array
     scatter: float
+    lift: Array
 
 
 @dataclass(frozen=True)
@@ -180,7 +196,7 @@ class Measuring:
 
 
 def operating_point(
-    known: KnownFit, chain: ChainInput, source: FittedAt, load: str, measuring: Measuring
+    known: KnownFit, chain: ChainInput, source: FittedAt, load: str, measuring: Measuring, basis: LiftCorrection
 ) -> OperatingPoint:
     """Return one speed and load.
 
@@ -188,8 +204,9 @@ def operating_point(
     ----------
     chain : pump, cam, speed, line pressure
     source : recording whose own parameters stand in
+    basis : of the correction of the lift table
     """
-    places, chain, output, linear = evaluated(known, chain, source)
+    places, chain, output, values = evaluated(known, chain, source)
     by = derivative_by(output, list(places))
     shared = np.zeros((BINS, len(known.names)))
     tooth = np.zeros(len(known.names))
@@ -200,18 +217,19 @@ def operating_point(
             continue
         shared[:, k] = by[:, at]
         tooth[k] = turned.get(name, 0.0)
-    torque = output.torque + output.linear @ linear
-    return OperatingPoint(chain.speed, load, torque, shared, np.column_stack(own), tooth, measuring.scatter)
+    torque = output.torque + output.linear @ coefficients_of(values)
+    lift = lift_columns(chain, basis, output, values) * basis.prior_std
+    return OperatingPoint(chain.speed, load, torque, shared, np.column_stack(own), tooth, measuring.scatter, lift)
 
 
 def evaluated(
     known: KnownFit, chain: ChainInput, source: FittedAt
-) -> tuple[dict[str, int], ChainInput, ChainOutput, Array]:
-    """Return the places of the parameters in the fit, the settled chain, it with its derivatives, its coefficients."""
+) -> tuple[dict[str, int], ChainInput, ChainOutput, dict[str, float]]:
+    """Return the places of the parameters in the fit, the settled chain, it with its derivatives, all values."""
     places = known.own(source.id)
     values = values_of({name: float(known.values[k]) for name, k in places.items()}, source)
-    chain, linear = settled(chain, values), coefficients_of(values)
-    return places, chain, evaluate(chain, values, linear, tangents=True), linear
+    chain = settled(chain, values)
+    return places, chain, evaluate(chain, values, coefficients_of(values), tangents=True), values
 
 
 def information(offer: Offer, runs: int) -> Array:
@@ -219,16 +237,40 @@ def information(offer: Offer, runs: int) -> Array:
     point = offer.point
     cycles = max(0.5 * offer.duration * point.speed / (2.0 * np.pi), 4.0)  # the other half is held out
     weight = bin_weights(point.torque, point.scatter / np.sqrt(cycles), runs)
-    shared, own = point.shared * weight[:, None], point.own * weight[:, None]
+    shared = point.shared * weight[:, None]
+    own = np.column_stack([point.own, np.sqrt(runs) * point.lift]) * weight[:, None]
     cross = shared.T @ own
     block = own.T @ own + np.eye(own.shape[1])
     found = shared.T @ shared - cross @ np.linalg.solve(block, cross.T)
     return np.asarray(found + (np.outer(point.tooth, point.tooth) / PLACE_STD**2 if offer.tooth else 0.0))
 
 
+def known_beside(known: KnownFit, fitted: Sequence[Offer], made: Sequence[Step], runs: int) -> Array:
+    """Return the information after the runs made, (k, k) [1/SI^2], when there are so many runs with all others.
+
+    Parameters
+    ----------
+    fitted : recordings of the fit, or some that stand for all
+    """
+    before, count = inverse(known.matrix), len(known.recordings)
+    if fitted:
+        lost = np.sum([information(run, count) - information(run, runs) for run in fitted], axis=0)
+        before = lessened(before, count / len(fitted) * lost, 1.0 - count / runs)
+    return np.asarray(before + sum(information(row.offer, runs) for row in made))
+
+
+def lessened(information: Array, lost: Array, most: float) -> Array:
+    """Return an information (k, k) less what of it is lost, in no direction more than a share of it."""
+    root = np.linalg.cholesky(information)
+    half = np.linalg.solve(root, lost)
+    share, directions = np.linalg.eigh(np.linalg.solve(root, half.T))
+    turned = root @ directions
+    return np.asarray(information - turned * np.clip(share, 0.0, most) @ turned.T)
+
+
 def plan(
     known: KnownFit, target: TargetQuantity, wanted: float, points: Sequence[OperatingPoint],
-    durations: Sequence[float], teeth: Sequence[bool] = (False, True),
+    durations: Sequence[float], teeth: Sequence[bool] = (False, True), fitted: Sequence[Offer] = (),
 ) -> tuple[Step, ...]:  # fmt: skip
     """Return the runs that bring the standard uncertainty of a number to ``wanted`` [SI], best first.
 
@@ -239,6 +281,7 @@ def plan(
     ----------
     durations : that may be chosen [s]
     teeth : whether runs without and with a second tooth may be chosen
+    fitted : see `known_beside`
     """
     chosen: list[Step] = []
     sufficient: list[list[Step]] = []
@@ -246,7 +289,7 @@ def plan(
     wanted *= AS_GOOD
     while std > wanted and len(chosen) < MOST_RUNS:
         offers = [Offer(point, d, tooth) for point in points for d in durations for tooth in teeth]
-        worth = weighed(known, target, offers, chosen)
+        worth = weighed(known, target, offers, chosen, fitted)
         tried = [row for row in worth if row.std <= (1.0 - LEAST_GAIN) ** (row.minutes / SETUP_MINUTES) * std]
         if not tried:
             break
@@ -259,34 +302,37 @@ def plan(
         sufficient.append(chosen)
     if not sufficient:
         return tuple(chosen)
-    trimmed = [needed(known, target, wanted, rows) for rows in sufficient]
+    trimmed = [needed(known, target, wanted, rows, fitted) for rows in sufficient]
     return tuple(min(trimmed, key=lambda rows: sum(row.minutes for row in rows)))
 
 
-def weighed(known: KnownFit, target: TargetQuantity, offers: Sequence[Offer], made: Sequence[Step] = ()) -> list[Step]:
+def weighed(
+    known: KnownFit, target: TargetQuantity, offers: Sequence[Offer], made: Sequence[Step] = (),
+    fitted: Sequence[Offer] = (),
+) -> list[Step]:  # fmt: skip
     """Return every run on offer as the next one after those made; a second tooth that is there costs nothing more."""
     runs = len(known.recordings) + len(made) + 1
-    before = inverse(known.matrix)
-    for number, row in enumerate(made, len(known.recordings) + 1):
-        before = before + information(row.offer, number)
-    fitted = any(row.offer.tooth for row in made)
+    before = known_beside(known, fitted, made, runs)
+    has_tooth = any(row.offer.tooth for row in made)
     found = []
     for offer in offers:
         after = inverse(before + information(offer, runs))
-        tooth = TOOTH_MINUTES if offer.tooth and not fitted else 0.0
+        tooth = TOOTH_MINUTES if offer.tooth and not has_tooth else 0.0
         minutes = SETUP_MINUTES + offer.duration / 60.0 + tooth
         found.append(Step(offer, minutes, target.std(after)))
     return found
 
 
-def needed(known: KnownFit, target: TargetQuantity, wanted: float, chosen: Sequence[Step]) -> list[Step]:
+def needed(
+    known: KnownFit, target: TargetQuantity, wanted: float, chosen: Sequence[Step], fitted: Sequence[Offer] = ()
+) -> list[Step]:
     """Return the runs without those that later ones made needless, the most expensive of these first."""
     kept = list(chosen)
     for row in sorted(chosen, key=lambda item: -item.minutes):
         rest: list[Step] = []
         for item in kept:
             if item.offer is not row.offer:
-                rest += weighed(known, target, [item.offer], rest)
+                rest += weighed(known, target, [item.offer], rest, fitted)
         if rest and rest[-1].std <= wanted:
             kept = rest
     return kept

@@ -18,7 +18,7 @@ from camtorque.fit.problem import FitData
 from camtorque.fit.rig_rows import loaded_rows, rig_rows
 from camtorque.fit.teeth import PLACE_STD
 from camtorque.laws.chain import BINS, ChainInput, binned
-from camtorque.laws.lift import lift_correction
+from camtorque.laws.lift import LiftCorrection, lift_correction
 from camtorque.laws.ripple import waves
 from camtorque.laws.swing import Swing, swing_of
 from camtorque.mechanism.cam import CamLaw
@@ -161,8 +161,7 @@ def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, means: MeanCy
     assert torque_sheet is not None
     assert pressure_sheet is not None
     rows = loaded_rows(rig_rows(config, law, torque_sheet, pressure_sheet, cycles), law, cycles, means.torque)
-    step = float(np.median(np.diff(table.theta)))
-    basis = lift_correction(cycles.theta, law.evaluate(cycles.theta, 0), table.resolution, law.lift_std, step)
+    basis = lift_basis(table, law, cycles.theta)
     swing = cam_swing(config, cycles.details)
     torque, pressure = (over_even_angle(part, swing) for part in (means.torque, means.pressure))
     chain = ChainInput(
@@ -175,6 +174,12 @@ def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, means: MeanCy
     weight = bin_weights(centred, means.scatter_of_mean)
     teeth = further_teeth(config, cycles.details)
     return FitData(config.id, chain, centred, weight, "land", rows, basis, config.measures_chamber, teeth)
+
+
+def lift_basis(table: CamTable, law: CamLaw, theta: Array) -> LiftCorrection:
+    """Return the basis of the correction of a lift table; ``theta``: angles at which its law is asked [rad]."""
+    step = float(np.median(np.diff(table.theta)))
+    return lift_correction(theta, law.evaluate(theta, 0), table.resolution, law.lift_std, step)
 
 
 def other_half(data: FitData, means: MeanCycles) -> FitData:

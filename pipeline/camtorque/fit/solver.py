@@ -18,8 +18,9 @@ import numpy as np
 from camtorque.fit.descent import Descent, DescentTrial, Effort, free_at, minimise, promised
 from camtorque.fit.problem import FitData, Indices, Problem
 from camtorque.fit.quadratic import bounded_quadratic, bounded_step, scaled_columns, weighted_columns
-from camtorque.laws.chain import BINS, NONLINEAR_NAMES, ChainOutput, evaluate, filtered, transfer
+from camtorque.laws.chain import BINS, NONLINEAR_NAMES, ChainInput, ChainOutput, evaluate, filtered, transfer
 from camtorque.laws.chamber import NO_PATH
+from camtorque.laws.lift import LiftCorrection
 from camtorque.laws.torque import bin_restoring
 from camtorque.records import Array, ReadOnly
 
@@ -90,6 +91,14 @@ def no_lift() -> LiftModes:
     return LiftModes(np.zeros((BINS, 0)), np.zeros(0), np.zeros((0, 0)))
 
 
+def lift_columns(chain: ChainInput, basis: LiftCorrection, output: ChainOutput, values: dict[str, float]) -> Array:
+    """Return the measured torque of each coefficient of a correction, (BINS, n) [N]."""
+    columns = basis.binned_torque(output.motion.theta, output.load, BINS)
+    shaft, measured, *_ = transfer(chain, values, BINS)
+    behind = shaft * measured * bin_restoring(chain.theta.size // BINS, BINS)
+    return filtered(columns, behind)
+
+
 def lift_modes(
     item: FitData, output: ChainOutput, values: dict[str, float], inflate: float = 1.0, cut: float = LIFT_CUT
 ) -> LiftModes:
@@ -99,10 +108,7 @@ def lift_modes(
     weaker than ``cut`` are left out.
     """
     basis = item.lift_basis
-    columns = basis.binned_torque(output.motion.theta, output.load, BINS)
-    shaft, measured, *_ = transfer(item.chain, values, BINS)
-    behind = shaft * measured * bin_restoring(item.chain.theta.size // BINS, BINS)
-    columns = filtered(columns, behind) * (item.weight * basis.prior_std * inflate)[:, None]
+    columns = lift_columns(item.chain, basis, output, values) * (item.weight * basis.prior_std * inflate)[:, None]
     felt = np.sum(columns**2, axis=0) > (UNFELT * cut) ** 2
     columns = columns[:, felt]
     squares, right = np.linalg.eigh(columns.T @ columns)

@@ -67,14 +67,15 @@ def _extremes(item: Forecast, forces: Forces) -> dict[str, tuple[float, float]]:
     top, low = int(np.argmax(item.torque)), int(np.argmin(item.torque))
     peak, load, least = int(np.argmax(item.pressure)), int(np.argmax(item.contact)), int(np.argmin(item.contact))
     hertz = float(np.nanmax(forces.hertz)) / 1e9
-    scale = np.nan if item.ending == "line" else 1e9  # without a chamber nothing tells what leaves it
+    # without a chamber its pressure is the measured one: how sure that is, and what leaves it, the fit does not tell
+    rebuilt = np.nan if item.ending == "line" else 1.0
     relative = float(item.contact_std[load] / max(abs(item.contact[load]), 1e-9))
     return {
         "torque_max_nm": (item.torque[top], item.torque_std[top]),
         "torque_min_nm": (item.torque[low], item.torque_std[low]),
         "torque_mean_nm": (float(np.mean(item.torque)), item.mean_std),
-        "chamber_peak_bar": (item.pressure[peak] / BAR, item.pressure_std[peak] / BAR),
-        "delivered_mm3": (scale * item.delivered, scale * item.delivered_std),
+        "chamber_peak_bar": (rebuilt * item.pressure[peak] / BAR, rebuilt * item.pressure_std[peak] / BAR),
+        "delivered_mm3": (1e9 * rebuilt * item.delivered, 1e9 * rebuilt * item.delivered_std),
         "contact_max_n": (item.contact[load], item.contact_std[load]),
         "contact_min_n": (item.contact[least], item.contact_std[least]),
         "hertz_max_gpa": (hertz, 0.5 * relative * hertz),
