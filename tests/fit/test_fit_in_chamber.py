@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from camtorque.fit.joint import searched_anew
+from camtorque.fit.one_ending import searched_anew
 from camtorque.fit.prepare import fit_data, mean_cycles
 from camtorque.fit.problem import STRUCTURES
 from camtorque.fit.result import fitted_torque

@@ -14,6 +14,7 @@ import pytest
 from camtorque.fit import joint as joint_room
 from camtorque.fit import joint_fit as joint_fit_room
 from camtorque.fit import leftout as leftout_room
+from camtorque.fit import one_ending as ending_room
 from camtorque.fit.arrow import Arrow, ArrowCovariance, arrow_inverse
 from camtorque.fit.drift import (
     Drift,
@@ -29,7 +30,6 @@ from camtorque.fit.joint import (
     fit_joint,
     fitting_no_other,
     joint_fit_of,
-    searched_anew,
     solve_joint,
 )
 from camtorque.fit.joint_fit import joint_evidence, residual_covariance
@@ -52,6 +52,7 @@ from camtorque.fit.leftout import (
     shares,
     typical,
 )
+from camtorque.fit.one_ending import searched_anew, with_one_ending
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT, SMALLEST_SHARE
 from camtorque.fit.problem import (
     END_NAMES,
@@ -184,6 +185,28 @@ def test_what_is_met_badly_is_searched_anew_and_taken_where_that_ends_lower(solv
     assert joint_room.with_bad_anew(*solved, in_turn) == solved  # what was found is worse
 
 
+def test_recordings_of_one_pump_end_alike_unless_one_is_better_otherwise(solved, monkeypatch):
+    problem, solution = solved
+    assert with_one_ending(*solved, in_turn) == solved  # they do
+    usual = problem.data[0].structure
+    other = "spill" if usual == "land" else "land"
+    items = started_at(problem, solution.z)
+    there = build_problem([searched_anew(items[0], (other,)), *items[1:]])
+    mixed = solve_many(there, there.start, 25)
+    alike, ended = with_one_ending(there, mixed, in_turn)
+    assert [item.structure for item in alike.data] == [usual] * len(items)
+    assert ended.chi_square < mixed.chi_square + ending_room.OTHERWISE
+    # one that is far better otherwise stays so
+    sure = replace(mixed, chi_square=ended.chi_square - 100.0 * ending_room.OTHERWISE)
+    assert with_one_ending(there, sure, in_turn) == (there, sure)
+    monkeypatch.setattr(ending_room, "solve_many", overflowing_many)
+    assert with_one_ending(there, mixed, in_turn) == (there, mixed)
+
+
+def overflowing_many(*_, **__):
+    raise FloatingPointError("the derivative of the chain is not finite")
+
+
 def test_a_start_that_overflows_is_dropped(prepared, monkeypatch):
     item, asked = prepared[0].data, []
 
@@ -193,8 +216,8 @@ def test_a_start_that_overflows_is_dropped(prepared, monkeypatch):
             raise FloatingPointError("the derivative of the chain is not finite")
         return 1.0, tried
 
-    monkeypatch.setattr(joint_room, "own_fitted", overflowing)
-    found = joint_room.searched_anew(item, (item.structure,))
+    monkeypatch.setattr(ending_room, "own_fitted", overflowing)
+    found = searched_anew(item, (item.structure,))
     assert [row.start for row in found.rows.values()] == [row.start for row in asked[1].rows.values()]
     assert found.lift_basis is item.lift_basis
 

@@ -128,19 +128,13 @@ def test_a_known_fuel_is_known_better():
     assert slope == pytest.approx(MODULUS_PER_KELVIN, rel=0.01)
 
 
-def test_thin_fuels_leak_more_and_drag_less():
-    rows = {}
-    for name in ("", "diesel", "gasoline", "DME"):
-        rows[name] = dict(ROWS)
-        _set_warm(rows[name], FluidSpec(name=name), None)
-    assert rows["diesel"]["leakage"] == rows[""]["leakage"] == ROWS["leakage"]
-    means = [rows[name]["leakage"].prior[0] for name in ("diesel", "gasoline", "DME")]
-    assert means == pytest.approx([0.5e-14, 2.6e-14, 6.5e-14], rel=1e-6)
-    assert rows["DME"]["plunger_viscous"].prior == pytest.approx((10.0 / 13.0, 25.0 / 13.0))
-    # the bound gives way: a soft fuel at 60 degrees lies below that of diesels
-    hot = dict(ROWS)
-    _set_warm(hot, FluidSpec(name="DME"), ZERO + 60.0)
-    assert hot["bulk_modulus"].lower < hot["bulk_modulus"].prior[0] - 2.0 * hot["bulk_modulus"].prior[1]
+def test_the_bound_of_the_modulus_gives_way_to_a_soft_fuel():
+    rows = dict(ROWS)
+    _set_warm(rows, FluidSpec(name="DME"), ZERO + 60.0)
+    mean, std = rows["bulk_modulus"].prior
+    assert rows["bulk_modulus"].lower < mean - 2.0 * std < ROWS["bulk_modulus"].lower
+    _set_warm(diesel := dict(ROWS), FluidSpec(name="diesel"), ZERO + 60.0)
+    assert diesel["bulk_modulus"].lower == ROWS["bulk_modulus"].lower
 
 
 def test_a_heavy_fuel_is_as_soft_as_it_is_hot_and_as_thin_as_a_pump_needs_it():

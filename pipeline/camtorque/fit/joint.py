@@ -46,17 +46,14 @@ from camtorque.fit.joint_input import (
     with_common_rows,
 )
 from camtorque.fit.joint_solver import JointSolution, solve_many
-from camtorque.fit.known_ends import END_OF
 from camtorque.fit.leftout import HeldOut, left_out, poor_findings, predicted, settling_findings
 from camtorque.fit.minima import attempted
+from camtorque.fit.one_ending import searched_anew, with_known, with_one_ending
 from camtorque.fit.prepare import INDEPENDENT
-from camtorque.fit.problem import FitData, Problem, build_problem, in_structure, started_at, with_starts
+from camtorque.fit.problem import FitData, Problem, build_problem, started_at
 from camtorque.fit.result import parameter_estimates
-from camtorque.fit.search import SCAN_KEPT, SCAN_SHARES
 from camtorque.fit.shared_lift import SharedLift, shared_lift_from
 from camtorque.fit.single import PIN, SOFTER, SWITCHING, switching_shift
-from camtorque.fit.solver import approach, lift_at, try_at
-from camtorque.fit.starts import SEARCH_LIFT_CUT, chi_square_at_start, ends_at
 from camtorque.process.threads import Each, in_turn, side_by_side
 from camtorque.records import Array, Finding, LossEvidence, ParameterEstimate, Refusal
 from camtorque.units import DEGREE
@@ -68,7 +65,6 @@ LADDER = ((5.0, 3), (1.5, 2), (0.0, 2))
 ANCHOR_LIMIT, ANCHOR_FACTOR = 3.0, 3.0
 """An anchor's inflation alone is below the larger of this and so many times the least one."""
 START_ITERATIONS = 6
-OWN_ITERATIONS = 12
 BAD_FACTOR = 4.0
 """A recording whose misfit exceeds the median by this factor has its structure searched anew."""
 FEWEST = 3
@@ -204,41 +200,6 @@ def _step_down(start: tuple[Problem, Array], smoothing: float) -> JointSolution 
     return attempted(solve_many, *start, START_ITERATIONS, smoothing * DEGREE)
 
 
-def with_known(item: FitData, values: Mapping[str, float]) -> FitData:
-    """Return a recording that starts at shared values, those that it has rows for."""
-    return with_starts(item, {name: value for name, value in values.items() if name in item.rows})
-
-
-def own_fitted(item: FitData, held: Mapping[str, float]) -> tuple[float, FitData]:
-    """Return chi-square and recording where some iterations in the parameters that are not held lead."""
-    problem = build_problem([item], held)
-    modes = lift_at(problem, problem.start, SEARCH_LIFT_CUT)
-    trial = approach(problem, try_at(problem, problem.start, modes), OWN_ITERATIONS, modes, 0.0)
-    return trial.chi_square, started_at(problem, trial.z)[0]
-
-
-def searched_anew(item: FitData, structures: tuple[str, ...] = ("land", "spill", "open")) -> FitData:
-    """Return a recording in the structure and with the end of delivery that the shared values like best.
-
-    As in the search of one recording only what is large of the lift correction counts. All places are weighed with that
-    of the start, the best of them fitted, each with its own. A chamber that was measured is not rebuilt here either.
-    """
-    held = {name: row.start for name, row in item.rows.items() if row.role == "shared"}
-    rough = replace(item, lift_basis=item.lift_basis.thinned())
-    problem = build_problem([rough], held)
-    lift = lift_at(problem, problem.start, SEARCH_LIFT_CUT)
-    tried: list[FitData] = []
-    for structure in item.structures if item.measures_chamber else structures:
-        other = in_structure(rough, structure)
-        tried += [rough] if structure == item.structure and structure in END_OF else []
-        tried += [with_starts(other, end) for end in ends_at(other, SCAN_SHARES)] if structure in END_OF else [other]
-    values = [chi_square_at_start(trial, lift, held) for trial in tried]
-    likely = [tried[k] for k in np.argsort(values, kind="stable")[:SCAN_KEPT]]
-    fitted = [attempted(own_fitted, start, held) or (np.inf, start) for start in likely]
-    best = min(fitted, key=lambda pair: pair[0])[1]
-    return replace(best, lift_basis=item.lift_basis)
-
-
 def fit_joint(known: Sequence[FittedAlone], read: Callable[[int], JointInput], threads: int) -> CampaignFit:
     """Return the joint fit of several recordings of one pump.
 
@@ -271,6 +232,7 @@ def _fit_joint(known: Sequence[FittedAlone], read: Callable[[int], JointInput], 
         places = [place for k, place in enumerate(places) if k not in odd]
         problem, solution = solve_joint([known[k] for k in places], each)
     used = [known[k] for k in places]
+    problem, solution = with_one_ending(problem, solution, each)
     problem, solution = with_likelier_pin(problem, solution, each)
     drifts = shared_drifts(used) if len(used) > 2 else ()
     fit = joint_fit_of(used, problem, solution, drifts, each)

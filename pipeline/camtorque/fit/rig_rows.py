@@ -9,7 +9,7 @@ import numpy as np
 from camtorque.align.budget import wandered_std
 from camtorque.config import FluidSpec, PumpData, RecordingConfig
 from camtorque.laws import ROWS, ripple
-from camtorque.laws.fluid import fuel_temperature, modulus_prior, viscosity_over_diesel
+from camtorque.laws.fluid import HEAVY, fuel_temperature, kind_of, modulus_prior, viscosity_ratio
 from camtorque.laws.ports import DISCHARGE
 from camtorque.laws.rows import ParameterRow
 from camtorque.laws.sensor import BUTTERWORTH, LEAST_DAMPING, MOST_DAMPING, STEEP
@@ -228,12 +228,12 @@ def _set_warm(rows: dict[str, ParameterRow], fluid: FluidSpec, temperature: floa
         _set_prior(rows, "bulk_modulus", *modulus)
         mean, std, _ = modulus
         _set(rows, "bulk_modulus", lower=min(rows["bulk_modulus"].lower, max(mean - 3.0 * std, 0.25 * mean)))
-    ratio = viscosity_over_diesel(fluid.name, temperature)
-    if ratio == 1.0:
+    if temperature is None or kind_of(fluid.name) == HEAVY:  # which is heated until it is as thin as a pump needs it
         return
+    ratio = viscosity_ratio(temperature)
     for name, factor in {"leakage": 1.0 / ratio, "plunger_viscous": ratio}.items():
         mean, std = rows[name].prior or (np.nan, np.nan)
-        source = f"{rows[name].source}; viscosity {ratio:.2g} of diesel's at 40 degC"
+        source = f"{rows[name].source}; viscosity {ratio:.2f} of that at 40 degC"
         _set(rows, name, prior=(factor * mean, factor * std), source=source)
 
 

@@ -15,7 +15,7 @@ What temperature and name of the fuel tell beforehand. Modulus: -8 MPa per kelvi
 state of n-dodecane and n-decane between 20 and 60 degrees (Lemmon & Huber, Energy Fuels 18 (2004): 8.1 and 7.6 MPa/K),
 the same for heavier fuels of larger modulus, and exponential beyond. Viscosity: the straight line of Ubbelohde and
 Walther (ASTM D341) through 2.6 mm^2/s at 40 and 1.1 mm^2/s at 100 degrees, as ISO 4113 test oil and diesel have it;
-only its ratio to 40 degrees is used, for all kinds.
+only its ratio to 40 degrees is used: a pump for a thin fuel has a tighter gap.
 """
 
 from __future__ import annotations
@@ -54,30 +54,29 @@ MINOR = re.compile(
 )
 """What a name says is not in a fuel, or less than half of it."""
 HEAVY = "heavy fuel"
-KINDS: dict[str, tuple[float, float, float, str]] = {
-    "dimethyl ether": (0.50e9, 0.08e9, 0.2, r"dimethyl.?ether|\bdme\b"),
-    "biodiesel": (1.55e9, 0.12e9, 4.5, r"bio.?diesel|methyl.?ester|\b(fame|rme|sme|b100)\b|en.?14214"),
-    "gasoline": (1.00e9, 0.12e9, 0.5, r"gasoline|petrol(?!eum)|benzin|\botto|en.?228|\be(5|10|20)\b"),
-    "alcohol": (0.89e9, 0.08e9, 0.9, r"methanol|ethanol|alcohol|\b(e85|e100|m85|m100)\b"),
-    "kerosene": (1.21e9, 0.09e9, 1.3, r"kerosene|kerosin|\bjet.?a(.?1)?\b|avtur|\bjp.?[58]\b"),
-    HEAVY: (2.05e9, 0.20e9, 2.6,
+KINDS: dict[str, tuple[float, float, str]] = {
+    "dimethyl ether": (0.50e9, 0.08e9, r"dimethyl.?ether|\bdme\b"),
+    "biodiesel": (1.55e9, 0.12e9, r"bio.?diesel|methyl.?ester|\b(fame|rme|sme|b100)\b|en.?14214"),
+    "gasoline": (1.00e9, 0.12e9, r"gasoline|petrol(?!eum)|benzin|\botto|en.?228|\be(5|10|20)\b"),
+    "alcohol": (0.89e9, 0.08e9, r"methanol|ethanol|alcohol|\b(e85|e100|m85|m100)\b"),
+    "kerosene": (1.21e9, 0.09e9, r"kerosene|kerosin|\bjet.?a(.?1)?\b|avtur|\bjp.?[58]\b"),
+    HEAVY: (2.05e9, 0.20e9,
                  r"heavy.?fuel|\b(hfo|ifo|vlsfo|bunker)|residual.(fuel|oil)|\brm[a-k].?\d|schwer(ö|oe)l"),
-    "marine distillate": (1.47e9, 0.13e9, 3.5, r"marine|\b(mgo|mdo|dm[abxz])\b"),
-    "paraffinic diesel": (1.25e9, 0.09e9, 2.8, r"\b(hvo|gtl)|paraffinic|en.?15940"),
-    "urea solution": (2.70e9, 0.20e9, 1.0, r"urea|adblue|\baus.?32"),
-    "glycol in water": (2.90e9, 0.25e9, 3.0, r"glycol|glykol"),
-    "diesel": (1.33e9, 0.10e9, 2.6,
+    "marine distillate": (1.47e9, 0.13e9, r"marine|\b(mgo|mdo|dm[abxz])\b"),
+    "paraffinic diesel": (1.25e9, 0.09e9, r"\b(hvo|gtl)|paraffinic|en.?15940"),
+    "urea solution": (2.70e9, 0.20e9, r"urea|adblue|\baus.?32"),
+    "glycol in water": (2.90e9, 0.25e9, r"glycol|glykol"),
+    "diesel": (1.33e9, 0.10e9,
                r"diesel|gas.?oil|gasöl|iso.?4113|en.?590|test.?oil|calibration|normafluid|prüföl"),
-    "water": (2.30e9, 0.20e9, 0.7, r"\bwater\b|\bwasser\b|emulsion"),
+    "water": (2.30e9, 0.20e9, r"\bwater\b|\bwasser\b|emulsion"),
 }  # fmt: skip
-"""Kind of fuel -> bulk modulus at 40 degrees and feed pressure, its spread over makes [Pa], kinematic viscosity there
-[mm^2/s], and the names by which it goes; the first that is found holds.
+"""Kind of fuel -> bulk modulus at 40 degrees and feed pressure, its spread over makes [Pa], and the names by which it
+goes; the first that is found holds.
 Methyl esters: 1350 m/s and 865 kg/m^3 (Tat & Van Gerpen, J. Am. Oil Chem. Soc. 77 (2000)) give 1.57. Diesel: Payri,
-Fuel 90 (2011), 1.25-1.33; 1330 m/s and 820 kg/m^3 give 1.45 for a dense one. Dimethyl ether: 0.64 at 20 degrees,
-0.15 mPa s (Arcoumanis et al., Fuel 87 (2008), table 1). The others by sound and density, m/s and kg/m^3: gasoline 1150,
+Fuel 90 (2011), 1.25-1.33; 1330 m/s and 820 kg/m^3 give 1.45 for a dense one. Dimethyl ether: 0.64 at 20 degrees
+(Arcoumanis et al., Fuel 87 (2008), table 1). The others by sound and density, m/s and kg/m^3: gasoline 1150,
 735; methanol 1050, 772; ethanol 1095, 773; kerosene 1240, 785; heavy fuel 1460, 965; marine distillate 1320, 845;
-paraffinic 1275, 765; urea solution 1600, 1080; 40 to 60 % glycol 1640 to 1680, 1040 to 1070; water 1530, 992.
-Viscosities are the middle of what their standards allow."""
+paraffinic 1275, 765; urea solution 1600, 1080; 40 to 60 % glycol 1640 to 1680, 1040 to 1070; water 1530, 992."""
 ANY_MODULUS = (1.35e9, 0.18e9)
 """Fuels and test oils of any kind, gasoline among them: 1.0-1.7 GPa [Pa]."""
 ANY_LIQUID = (1.40e9, 0.40e9)
@@ -157,18 +156,6 @@ def modulus_prior(name: str, temperature: float | None) -> tuple[float, float, s
     if temperature is None:
         text += f" +- {UNKNOWN_WARMTH:g} K, none is stated"
     return softer * mean, std, text
-
-
-def viscosity_over_diesel(name: str, temperature: float | None) -> float:
-    """Return the viscosity of a fuel over diesel's at 40 degrees by its name and temperature [K], 1 if neither tells.
-
-    Heavy fuel is heated until it is as thin as a pump needs it.
-    """
-    kind = kind_of(name)
-    if kind == HEAVY:
-        return 1.0
-    by_kind = KINDS[kind][2] / VISCOSITIES[0][1] if kind else 1.0
-    return by_kind * (1.0 if temperature is None else viscosity_ratio(temperature))
 
 
 def viscosity_ratio(temperature: float) -> float:
