@@ -39,6 +39,7 @@ from camtorque.fit.shared_lift import SharedLift
 from camtorque.hashes import file_digest
 from camtorque.ingest.pump_file import read_pressure_curve
 from camtorque.laws.swing import Swing
+from camtorque.laws.valve import SEAT_FLOW
 from camtorque.predict_from import Found
 from camtorque.records import Estimate, Refusal
 from camtorque.report.fit_file import run_fit_document
@@ -274,6 +275,19 @@ def test_the_lift_correction_moves_the_torque_by_slope_times_contact_force(monke
     assert "lift_table" not in plain.by_cause
     assert moved.torque_std[(theta > 0.2) & (theta < 1.1)] == pytest.approx(0.2, rel=1e-3)
     assert np.max(moved.torque_std[theta > 1.3]) < 1e-6
+
+
+@pytest.mark.parametrize("lobes", [1, 2, 3])
+def test_a_stroke_of_a_cam_of_several_lobes_is_one_of_them(lobes: int) -> None:
+    theta = np.linspace(0.0, 2.0 * np.pi, 360, endpoint=False)
+    flows = np.zeros((360, 4))
+    flows[:, SEAT_FLOW] = 1e-6
+    motion = SimpleNamespace(lift=np.array([1.0 - np.cos(lobes * theta)]))
+    output = SimpleNamespace(flows=flows, states=np.full((360, 1), 10.0), motion=motion)
+    values = {"bulk_modulus": 1.4e9, "bulk_modulus_slope": 9.0, "free_air": 0.0, "gallery_volume": 1e-7}
+    chain = SimpleNamespace(speed=2.0 * np.pi)
+    found = forecast_module.stroke_volume(chain, values, output)  # type: ignore[arg-type]
+    assert found == pytest.approx(1e-6 / lobes)
 
 
 def test_a_constant_of_the_band_is_no_part_of_its_shape() -> None:

@@ -300,12 +300,15 @@ def _parts(chain: ChainInput, values: Mapping[str, float], lift: SharedLift | No
 def stroke_volume(chain: ChainInput, values: Mapping[str, float], output: ChainOutput) -> float:
     """Return the volume that leaves the chamber for the line in a stroke, at zero gauge pressure [m^3].
 
-    The model's gallery begins a revolution at the chamber's pressure, a pump's keeps its own: what stays in it counts.
+    A cam of several lobes makes as many strokes a revolution: it is their mean. The model's gallery begins a revolution
+    at the chamber's pressure, a pump's keeps its own: what stays in it counts.
     """
     fluid = (values["bulk_modulus"] / BAR, values["bulk_modulus_slope"], values["free_air"])
     first, last = (1.0 / specific_volume(output.states[place, 0], *fluid)[0] for place in (0, -1))
     kept = values["gallery_volume"] * (last - first)
-    return float(np.mean(output.flows[:, SEAT_FLOW])) * 2.0 * np.pi / chain.speed + kept
+    revolution = float(np.mean(output.flows[:, SEAT_FLOW])) * 2.0 * np.pi / chain.speed + kept
+    high = output.motion.lift[0] > 0.5 * (np.min(output.motion.lift[0]) + np.max(output.motion.lift[0]))
+    return revolution / max(int(np.count_nonzero(high & ~np.roll(high, 1))), 1)
 
 
 def leakage_factor(text: str) -> float:
