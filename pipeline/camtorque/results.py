@@ -19,7 +19,8 @@ SCHEMA, CAMPAIGN_SCHEMA = "camtorque.result/1", "camtorque.campaign/1"
 def find_results(path: Path) -> list[Path]:
     """Return every result.json that a path names: the file itself, or all in and below a folder, in order.
 
-    A campaign.json names its folder. Of a campaign those that its campaign.json names: its ``runs`` keep what older inputs, options and versions gave.
+    A campaign.json names its folder. Of a campaign those that it names itself: its ``runs`` keep what older inputs,
+    options and versions gave.
 
     Raises
     ------
