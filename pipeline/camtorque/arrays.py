@@ -47,7 +47,8 @@ class Sensor:
     zero_std : standard uncertainty of the zero [N m or Pa]; None for 0.5 % of the largest reading
     delay, delay_std : total delay that is still in the readings, and its standard uncertainty [s]; a delay of None is
         unknown: that of usual amplifiers, no less than that of the low-pass, +- 100 %, as for a sheet that states none
-    cutoff_hz, filter_order : -3 dB frequency [Hz] and order of the low-pass in front; nan and 0 where there is none
+    cutoff_hz, filter_order : -3 dB frequency [Hz] and order of the low-pass in front; nan and 0 where they are not
+        known: that of a torque is then fitted from 1 kHz +- 100 %, as for a sheet that states none
     location : where it sits, in words, as in recording.toml: a pressure sensor in the chamber says so
     """
 
@@ -199,9 +200,11 @@ def _assumed(channel: Channel) -> Finding:
     assert channel.calibration is not None
     shown = CHANNEL_QUANTITIES[channel.quantity]
     zero, delay = channel.calibration.zero_std * shown.shown_factor, 1e3 * channel.calibration.delay
+    low_pass = ", low-pass 1 kHz ± 100 %" if channel.quantity == "torque" else ""
     text = (
         f"nothing is known of the {channel.quantity} sensor; assumed: gain ± {100.0 * WIDE_GAIN_STD:g} %, zero ± "
-        f"{zero:.2g} {shown.shown_unit}, delay {delay:g} ms ± 100 %; give sensors={{{channel.quantity!r}: Sensor(...)}}"
+        f"{zero:.2g} {shown.shown_unit}, delay {delay:g} ms ± 100 %{low_pass}; give "
+        f"sensors={{{channel.quantity!r}: Sensor(...)}}"
     )
     return Finding("sensor_assumed", "warning", text, channel.name)
 

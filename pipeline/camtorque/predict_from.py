@@ -25,8 +25,9 @@ from camtorque.finished_fit import (
     refuse_load_of_another_pump,
     rig_of,
 )
+from camtorque.fit.clearance import leakage_factor, refuse_leaky
 from camtorque.fit.endings import either, endings_of, if_it_ended_so, load_for, own_ending, the_other
-from camtorque.fit.forecast import Forecast, forecast, leakage_factor, refuse_leaky
+from camtorque.fit.forecast import Forecast, forecast
 from camtorque.fit.known_ends import END_OF, Curve
 from camtorque.fit.known_fit import FittedAt, KnownFit, LoadKnowledge
 from camtorque.fit.load_file import (

@@ -19,12 +19,14 @@ SCHEMA, CAMPAIGN_SCHEMA = "camtorque.result/1", "camtorque.campaign/1"
 def find_results(path: Path) -> list[Path]:
     """Return every result.json that a path names: the file itself, or all in and below a folder, in order.
 
-    Of a campaign those that its campaign.json names: its ``runs`` keep what older inputs, options and versions gave.
+    A campaign.json names its folder. Of a campaign those that it names itself: its ``runs`` keep what older inputs,
+    options and versions gave.
 
     Raises
     ------
     Refusal : there is none; a campaign.json cannot be used
     """
+    path = _of_campaign(path)
     if path.is_file():
         return [path]
     found = files_below(path, NAME)
@@ -35,6 +37,10 @@ def find_results(path: Path) -> list[Path]:
     if not found:
         raise Refusal(f"{path}: found no {NAME} in or below it, expected a report of `camtorque run`; check the path")
     return found
+
+
+def _of_campaign(path: Path) -> Path:
+    return path.parent if path.name == CAMPAIGN and path.is_file() else path
 
 
 def read_result(path: Path) -> dict[str, Any]:
@@ -79,7 +85,7 @@ def read_results(paths: Sequence[Path]) -> dict[str, dict[str, Any]]:
 
 def refused_below(paths: Sequence[Path]) -> list[tuple[str, str]]:
     """Return name and reason of what campaigns in and below some paths refused: it has no report to be found."""
-    files = dict.fromkeys(file for path in paths for file in files_below(path, CAMPAIGN))
+    files = dict.fromkeys(file for path in paths for file in files_below(_of_campaign(path), CAMPAIGN))
     rows = [row for file in files for row in read_campaign(file)["recordings"]]
     return [(row["name"], row["error"]) for row in rows if row.get("status") == "refused"]
 

@@ -161,7 +161,8 @@ def unit_factor(unit: str, dimension: str, where: str, *also: str) -> float:
         )
     kind, factor = BORDER_UNITS[tidy]
     if kind not in kinds:
-        raise Refusal(f"{where}: unit {unit!r} is a {kind}, expected a {expected} ({', '.join(known)})")
+        found = f"an {kind}" if kind == "angle" else f"a {kind}"
+        raise Refusal(f"{where}: unit {unit!r} is {found}, expected a {expected} ({', '.join(known)})")
     return factor
 
 

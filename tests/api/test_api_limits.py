@@ -220,7 +220,7 @@ def test_results_of_a_campaign_are_those_that_it_names(tmp_path: Path) -> None:
     rows = [{"folder": "runs/newer"}, {"folder": "runs/refused"}, {"folder": None}]
     index = {"schema": "camtorque.campaign/1", "recordings": rows}
     (tmp_path / "campaign" / "campaign.json").write_text(json.dumps(index), encoding="utf-8")
-    for path in (tmp_path, tmp_path / "campaign"):
+    for path in (tmp_path, tmp_path / "campaign", tmp_path / "campaign" / "campaign.json"):
         named = [file.parent.relative_to(tmp_path / "campaign").as_posix() for file in find_results(path)]
         assert named == ["alone", "runs/newer"]
     assert find_results(tmp_path / "campaign" / "runs" / "older"), "a report that is named itself"

@@ -86,6 +86,17 @@ def test_differences_cover_what_was_changed() -> None:
     assert rows["trigger_offset"].difference == pytest.approx(0.0, abs=rows["trigger_offset"].smallest_change)
 
 
+@pytest.mark.parametrize(("size", "kind"), [(0.5, "cannot tell"), (2.0, "changed")])
+def test_a_change_without_a_sign_is_not_told_with_its_size(size: float, kind: str) -> None:
+    """Its interval is that of a logarithm, and went to -1.6e11."""
+    found, pair = told(leak=LEAK)
+    place = found.names.index("leakage")
+    covariance = found.covariance.copy()
+    covariance[place, place] = (found.mean[place] / size) ** 2
+    rows = {row.name: row for row in parameter_differences(pair, replace(found, covariance=covariance))}
+    assert rows["leakage"].verdict == kind
+
+
 def test_no_value_is_stated_beyond_its_bounds() -> None:
     found, pair = told()
     far = replace(found, free_mean=found.free_mean - 1e3 * np.abs(found.free_std) - 1.0)

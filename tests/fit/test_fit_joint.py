@@ -33,7 +33,14 @@ from camtorque.fit.joint import (
     solve_joint,
 )
 from camtorque.fit.joint_fit import joint_evidence, residual_covariance
-from camtorque.fit.joint_input import HeldOnce, common_error, joint_input, refuse_two_states, with_common_rows
+from camtorque.fit.joint_input import (
+    HeldOnce,
+    common_error,
+    joint_input,
+    refuse_two_states,
+    with_common_rows,
+    with_own_triggers,
+)
 from camtorque.fit.joint_solver import joint_setup, solve_many, try_at
 from camtorque.fit.known_fit import KnownFit
 from camtorque.fit.leftout import (
@@ -732,6 +739,23 @@ def test_a_recording_without_a_chamber_is_searched_with_one(prepared):
     for structure in ("land", "spill", "open"):
         found = searched_anew(line, (structure,))
         assert (found.structure, found.chain.uses_chamber) == (structure, True)
+
+
+def test_recordings_of_other_triggers_have_their_own_trigger_angle_each(prepared):
+    assert all("trigger_offset" in item.alone for item in with_own_triggers(prepared))
+    first, *rest = prepared
+    encoder = {**first.stated, "[trigger] pulses_per_rev": "360"}
+    row = first.alone["trigger_offset"]
+    turned = {**first.alone, "trigger_offset": replace(row, value=row.value + 12.0 * row.std)}
+    beside = replace(first, alone=turned, stated=encoder, data=replace(first.data, name="encoder"))
+    refuse_two_states([first, beside])
+    with pytest.raises(Refusal, match="differ in trigger offset"):
+        refuse_two_states([first, replace(beside, stated=first.stated)])
+    mixed = with_own_triggers([beside, *rest])
+    assert not any("trigger_offset" in item.alone for item in mixed)
+    problem = build_problem(with_common_rows([item.data for item in mixed]))
+    found = [name for name in problem.names if name.startswith("trigger_offset")]
+    assert found == [f"trigger_offset{SEPARATOR}{item.name}" for item in mixed]
 
 
 def test_two_answers_at_one_speed_are_refused_and_not_averaged(prepared):

@@ -197,6 +197,14 @@ def test_the_gallery_of_a_small_pump_has_the_room_by_which_the_seat_yields(share
     assert 1e9 * row.lower > 2.0 * depth
 
 
+def test_a_low_pass_that_no_sheet_states_is_left_to_the_data():
+    unknown, stated = (rows_of(torque={"cutoff_hz": value})["cutoff"] for value in (np.nan, 1000.0))
+    assert (unknown.prior, stated.prior) == ((1000.0, 1000.0), (1000.0, 50.0))
+    assert (unknown.lower, unknown.upper) == (100.0, 5000.0)
+    assert unknown.source.startswith("no sheet")
+    assert stated.source.startswith("data sheet")
+
+
 def test_the_kind_of_low_pass_on_the_sheet_is_the_one_that_is_fitted():
     assert rows_of(torque={"filter_damping": 0.866})["filter_damping"].prior == (0.866, 0.05)
     row = rows_of(torque={"filter_order": 1})["filter_damping"]

@@ -76,6 +76,10 @@ def test_resolution_is_the_step_that_all_values_share(tmp_path: Path):
         (rows(ANGLES[:90], LIFT[:90]), "lift_mm", "expected one whole revolution"),
         (rows(ANGLES, 0.0 * LIFT), "lift_mm", "is the column right"),
         (rows(np.append(ANGLES, 360.0), np.append(LIFT, 1.0)), "lift_mm", "does not close"),
+        (rows(ANGLES, LIFT + 0.3 * ANGLES / 360.0), "lift_mm", "by 296 um; .* spread the difference over its rows"),
+        (rows(ANGLES / 2.0, LIFT), "lift_mm", "cam has 2 equal lobes, write the rows of the first again"),
+        (rows(np.radians(ANGLES), LIFT), "lift_mm", "look like radians: .* such as cam_angle_rad"),
+        (rows(ANGLES, LIFT, "cam_angle_deg,v_mm_per_rad"), "v_mm_per_rad", "holds a slope, expected the lift itself"),
         (rows(ANGLES, LIFT), "lif_mm", "did you mean 'lift_mm'.*meant as cam_table_lift_column in"),
         (
             rows(ANGLES, LIFT, "Winkel_deg,lift_mm"),
@@ -93,6 +97,15 @@ def test_bad_tables_are_refused(tmp_path: Path, text: str, lift: str, message: s
     file.write_text(text)
     with pytest.raises(Refusal, match=message):
         read_cam_table(pump(file, lift))
+
+
+@pytest.mark.parametrize(("place", "off"), [(0, 0.05), (-1, 0.05), (90, 0.05), (0, 0.0)])
+def test_a_point_that_sticks_out_at_the_seam_is_no_table_that_does_not_close(tmp_path: Path, place: int, off: float):
+    file = tmp_path / "cam.csv"
+    lift = LIFT.copy()
+    lift[place] += off
+    file.write_text(rows(ANGLES, lift))
+    assert ("lift_outlier" in {finding.code for finding in read_cam_table(pump(file))[1]}) is (off > 0.0)
 
 
 @pytest.mark.parametrize(("turned", "start"), [(150, "15[0-9]"), (240, "24[0-9]"), (320, "32[0-9]")])

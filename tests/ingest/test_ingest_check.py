@@ -168,7 +168,9 @@ def test_a_column_without_a_number_is_told(tmp_path: Path, capsys: pytest.Captur
     )  # fmt: skip
     (tmp_path / "recording.toml").write_text(f"{head}[sensors.torque]\n[sensors.pressure]\n{tail}")
     assert cli.main(["check", str(tmp_path)]) == 2
-    assert "the channel holds no number at all" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "the channel holds no number at all" in shown
+    assert "nan" not in shown
 
 
 def test_missing_pulses_are_no_other_speed(tmp_path: Path):

@@ -268,6 +268,14 @@ def test_an_unstated_delay_is_no_shorter_than_that_of_the_low_pass(keys: dict, d
     assert any(said in finding.text for finding in sensor.findings if finding.code == "delay_assumed")
 
 
+@pytest.mark.parametrize(("keys", "told"), [({}, True), ({"cutoff_hz": 2000.0}, False)])
+def test_an_unstated_low_pass_of_the_torque_is_told(keys: dict, told: bool):
+    sheet = {"unit": "N m", "sensitivity_V_per_unit": 0.025, **keys}
+    sensor = read_sensor(SensorRef("torque", "", None, None, None, sheet=sheet), "V", 5.0)
+    said = [finding.text for finding in sensor.findings if finding.code == "low_pass_assumed"]
+    assert said == ["nothing states the low-pass; 1 kHz +/- 100 % is assumed, give cutoff_hz"] * told
+
+
 def test_a_note_of_the_delay_without_a_percentage_is_told_as_that(papers: Path):
     edit(papers / TORQUE, "typical, +/-3 %", "typical, +/-3 us")
     (found,) = (row for row in read_sensor(reference(papers)).findings if row.code == "delay_tolerance_assumed")

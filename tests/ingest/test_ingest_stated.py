@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from camtorque.ingest import read_recording
-from camtorque.ingest.stated import DIMENSIONS, difference_findings, differences, stated
+from camtorque.ingest.stated import DIMENSIONS, difference_findings, differences, other_triggers, stated
 from camtorque.records import Recording
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "raw_examples" / "A_1250rpm"
@@ -42,6 +42,18 @@ def test_what_differs_is_told_with_who_states_what(recording: Recording) -> None
     assert finding.text.startswith("[pump] spring_preload_N is 200 in B, 110 in A: each is read by its own sheet")
     assert finding.text.endswith("correct it; where all are right, part the recordings by group in [recording]")
     assert difference_findings(differences({"A": same, "B": same})) == ()
+
+
+def test_other_triggers_are_told_once_and_not_as_a_change_of_the_pump(recording: Recording) -> None:
+    trigger = replace(recording.config.trigger, pulses_per_rev=60, nominal_angle=0.0)
+    other = stated(replace(recording, config=replace(recording.config, trigger=trigger)))
+    same = stated(recording)
+    (finding,) = difference_findings(differences({"A": same, "B": other, "C": same}))
+    assert (finding.code, finding.where) == ("triggers_differ", "[trigger]")
+    assert "nominal_angle_deg is 0 in B, 20 in the others; [trigger] pulses_per_rev is 60 in B" in finding.text
+    assert finding.text.endswith("its own error of the trigger's angle in the joint fit; correct a wrong one")
+    assert other_triggers([same, other])
+    assert not other_triggers([same, same])
 
 
 def test_a_transducer_calibrated_in_between_is_no_slip(recording: Recording) -> None:

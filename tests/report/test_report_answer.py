@@ -321,7 +321,8 @@ def test_a_second_minimum_that_says_the_same_is_not_news() -> None:
 
 def test_small_angle_errors_stand_in_a_line_and_large_ones_first() -> None:
     rows = [{"source": name, "before": before, "after": after, "text": ""} for name, before, after in
-            (("edge", 0.001, 0.001), ("drive", None, 0.1), ("trigger", 0.8, 0.2), ("ripple", None, None))]  # fmt: skip
+            (("edge", 0.001, 0.001), ("drive", None, 0.1), ("trigger", 0.8, 0.2), ("ripple", None, None),
+             ("switch", 0.0, 0.0))]  # fmt: skip
     large, small = by_size(rows)
     assert [row["source"] for row in large] == ["trigger", "drive"]
     assert [row["source"] for row in small] == ["edge"]

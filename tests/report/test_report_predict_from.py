@@ -30,8 +30,9 @@ from camtorque.finished_fit import (
 from camtorque.fit import endings as endings_module
 from camtorque.fit import forecast as forecast_module
 from camtorque.fit.arrow import ArrowCovariance
+from camtorque.fit.clearance import leakage_factor
 from camtorque.fit.endings import LEAST_STD, UNKNOWN_STD, found_end, learned_from, load_for, width_of
-from camtorque.fit.forecast import DRAWS, leakage_factor, shape_of
+from camtorque.fit.forecast import DRAWS, shape_of
 from camtorque.fit.known_ends import Curve, KnownEnd, MatchedEnd, matched_end
 from camtorque.fit.known_fit import FRACTIONS, FittedAt, KnownFit, LoadKnowledge, draws, law_share, law_std
 from camtorque.fit.load_file import curve_through, refuse_below_line, refuse_other_load, rise_angle, rise_range
@@ -39,6 +40,7 @@ from camtorque.fit.shared_lift import SharedLift
 from camtorque.hashes import file_digest
 from camtorque.ingest.pump_file import read_pressure_curve
 from camtorque.laws.swing import Swing
+from camtorque.laws.valve import SEAT_FLOW
 from camtorque.predict_from import Found
 from camtorque.records import Estimate, Refusal
 from camtorque.report.fit_file import run_fit_document
@@ -297,6 +299,19 @@ def test_the_lift_correction_moves_the_torque_by_slope_times_contact_force(monke
     assert "lift_table" not in plain.by_cause
     assert moved.torque_std[(theta > 0.2) & (theta < 1.1)] == pytest.approx(0.2, rel=1e-3)
     assert np.max(moved.torque_std[theta > 1.3]) < 1e-6
+
+
+@pytest.mark.parametrize("lobes", [1, 2, 3])
+def test_a_stroke_of_a_cam_of_several_lobes_is_one_of_them(lobes: int) -> None:
+    theta = np.linspace(0.0, 2.0 * np.pi, 360, endpoint=False)
+    flows = np.zeros((360, 4))
+    flows[:, SEAT_FLOW] = 1e-6
+    motion = SimpleNamespace(lift=np.array([1.0 - np.cos(lobes * theta)]))
+    output = SimpleNamespace(flows=flows, states=np.full((360, 1), 10.0), motion=motion)
+    values = {"bulk_modulus": 1.4e9, "bulk_modulus_slope": 9.0, "free_air": 0.0, "gallery_volume": 1e-7}
+    chain = SimpleNamespace(speed=2.0 * np.pi)
+    found = forecast_module.stroke_volume(chain, values, output)  # type: ignore[arg-type]
+    assert found == pytest.approx(1e-6 / lobes)
 
 
 def test_a_constant_of_the_band_is_no_part_of_its_shape() -> None:

@@ -41,6 +41,8 @@ def test_page_says_what_the_model_found(prediction):
     assert "The follower leaves the cam at" in page
     assert "<small><code>contact_lost</code></small></td><td>3000 rpm</td>" in page
     assert '<th scope="row">Hertz pressure, largest [GPa]</th><td class="n">2.143</td>' in page
+    for heading in ("Torque of the first pump by cause", "Forces of the first pump", "Hertz pressure of the first"):
+        assert heading in page
     assert '<th scope="row">contact lost</th><td class="n">no</td><td class="n">yes</td>' in page
 
 

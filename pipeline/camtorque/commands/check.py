@@ -106,8 +106,9 @@ def _head(summary: RecordingSummary, cycles: CamCycles | None) -> str:
     for row in summary.channels:
         quantity = CHANNEL_QUANTITIES[row.quantity]
         low, high = (quantity.shown_factor * value + quantity.shown_offset for value in (row.low, row.high))
+        values = f"{low:9.4g} to {high:9.4g} {quantity.shown_unit:4}" if low <= high else f"{'no number':27}"
         lines.append(
             f"  {row.quantity:9}{row.n_samples:>9} samples at {row.sample_rate:>9.6g} Hz, {row.duration:7.2f} s, "
-            f"{low:9.4g} to {high:9.4g} {quantity.shown_unit:4} {row.file} [{row.logger}]"
+            f"{values} {row.file} [{row.logger}]"
         )
     return "\n".join(lines)

@@ -9,7 +9,6 @@ another clearance of the plunger the leakage is another.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -31,7 +30,6 @@ from camtorque.fit.known_fit import (
 from camtorque.fit.prepare import at_cam_angles
 from camtorque.fit.problem import LAND_NAMES, NEUTRAL, SPILL_NAMES, WITHOUT
 from camtorque.fit.shared_lift import SharedLift
-from camtorque.laws import ROWS
 from camtorque.laws.causes import cam_torques, contact_load, measured_torques
 from camtorque.laws.chain import (
     ChainInput,
@@ -43,9 +41,10 @@ from camtorque.laws.chain import (
 from camtorque.laws.fluid import specific_volume
 from camtorque.laws.swing import Swing
 from camtorque.laws.valve import SEAT_FLOW
+from camtorque.mechanism.cam import stroke_count
 from camtorque.mechanism.contact import pulls
 from camtorque.records import Array, ReadOnly, Refusal
-from camtorque.units import BAR, DECIMAL
+from camtorque.units import BAR
 
 DRAWS = 60
 ROUNDS = 4
@@ -53,8 +52,6 @@ ROUNDS = 4
 OF_TORQUE = ("torque", "mean")
 """What the error of the laws is added to."""
 Parts = Callable[[ChainInput, Mapping[str, float]], dict[str, Array]]
-CLEARANCE = 4.0e-6
-"""Clearance that a change is counted from where none is given [m]."""
 
 
 @dataclass(frozen=True)
@@ -311,39 +308,11 @@ def _parts(chain: ChainInput, values: Mapping[str, float], lift: SharedLift | No
 def stroke_volume(chain: ChainInput, values: Mapping[str, float], output: ChainOutput) -> float:
     """Return the volume that leaves the chamber for the line in a stroke, at zero gauge pressure [m^3].
 
-    The model's gallery begins a revolution at the chamber's pressure, a pump's keeps its own: what stays in it counts.
+    A cam of several lobes makes as many strokes a revolution: it is their mean. The model's gallery begins a revolution
+    at the chamber's pressure, a pump's keeps its own: what stays in it counts.
     """
     fluid = (values["bulk_modulus"] / BAR, values["bulk_modulus_slope"], values["free_air"])
     first, last = (1.0 / specific_volume(output.states[place, 0], *fluid)[0] for place in (0, -1))
     kept = values["gallery_volume"] * (last - first)
-    return float(np.mean(output.flows[:, SEAT_FLOW])) * 2.0 * np.pi / chain.speed + kept
-
-
-def leakage_factor(text: str) -> float:
-    """Return by how much a change of clearance such as ``+1um`` or ``3um+1um`` multiplies the leakage.
-
-    Raises
-    ------
-    Refusal : not such a text, or no clearance is left
-    """
-    match = re.fullmatch(rf"(?:({DECIMAL})\s*um)?\s*([+-]{DECIMAL})\s*um", text.replace("µ", "u").strip())
-    if match is None:
-        raise Refusal(f"--clearance: found {text!r}, expected a change such as +1um, or 3um+1um from a known clearance")
-    base = float(match[1]) * 1e-6 if match[1] else CLEARANCE
-    if base <= 0.0:
-        raise Refusal(f"--clearance: found {text!r}, expected a known clearance above 0 um before the change")
-    factor = 1.0 + float(match[2]) * 1e-6 / base
-    if factor <= 0.0:
-        raise Refusal(f"--clearance: {text} leaves no clearance of {base * 1e6:g} um; give a smaller change")
-    return factor**3
-
-
-def refuse_leaky(known: KnownFit, clearance: str, factor: float) -> None:
-    """Refuse a clearance whose leakage no pump has."""
-    row = ROWS["leakage"]
-    leak = factor * float(known.values[known.names.index(row.name)]) if row.name in known.names else 0.0
-    if leak > row.upper and factor > 1.0:
-        raise Refusal(
-            f"--clearance: {clearance} makes a leakage of {leak / row.per_unit:.3g} {row.unit}, expected "
-            f"{row.upper / row.per_unit:g} or less; give a smaller change"
-        )
+    revolution = float(np.mean(output.flows[:, SEAT_FLOW])) * 2.0 * np.pi / chain.speed + kept
+    return revolution / stroke_count(output.motion.lift[0])

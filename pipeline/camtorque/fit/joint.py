@@ -44,6 +44,7 @@ from camtorque.fit.joint_input import (
     common_error,
     refuse_two_states,
     with_common_rows,
+    with_own_triggers,
 )
 from camtorque.fit.joint_solver import JointSolution, solve_many
 from camtorque.fit.leftout import HeldOut, left_out, poor_findings, predicted, settling_findings
@@ -225,6 +226,7 @@ def fit_joint(known: Sequence[FittedAlone], read: Callable[[int], JointInput], t
 
 def _fit_joint(known: Sequence[FittedAlone], read: Callable[[int], JointInput], each: Each) -> CampaignFit:
     refuse_two_states(known)
+    known = with_own_triggers(known)
     places, excluded = list(range(len(known))), []
     problem, solution = solve_joint(known, each)
     while odd := fitting_no_other(solution.misfits):

@@ -18,7 +18,7 @@ from camtorque.fit.prepare import INDEPENDENT, MeanCycles, law_variance
 from camtorque.fit.problem import FitData, with_rows
 from camtorque.fit.single import Prepared, switching_std
 from camtorque.fit.uncertainty import covariance
-from camtorque.ingest.stated import stated
+from camtorque.ingest.stated import other_triggers, stated
 from camtorque.laws.chain import BINS
 from camtorque.laws.rows import ParameterRow
 from camtorque.records import Array, ReadOnly, Refusal
@@ -33,6 +33,7 @@ COMPARED = (
     "shaft_drag", "shaft_compliance",
 )  # fmt: skip
 """Shared parameters that tell whether recordings belong to one pump in one state."""
+TRIGGER_ANGLE = "trigger_offset"
 ALIKE_WIDTH = 1.25
 """Priors whose widths differ by less than this factor count alike."""
 
@@ -140,6 +141,9 @@ def refuse_two_states(inputs: Sequence[FittedAlone]) -> None:
     """Refuse recordings at one speed whose shared parameters contradict each other."""
     speeds = np.array([item.data.chain.speed for item in inputs])
     rows = [[item.alone.get(name) for name in COMPARED] for item in inputs]
+    if other_triggers(item.stated for item in inputs):
+        for line in rows:
+            line[COMPARED.index(TRIGGER_ANGLE)] = None
     values = np.array([[np.nan if row is None else row.value for row in line] for line in rows])
     stds = np.array([[np.nan if row is None else row.std for row in line] for line in rows])
     for k, one in enumerate(inputs):
@@ -159,6 +163,20 @@ def _two_states(other: FittedAlone, one: FittedAlone, name: str) -> Refusal:
         f"({b:.3g} +- {t:.2g} and {a:.3g} +- {s:.2g} {first.unit}): they are not one pump in one state and are not "
         "averaged; run a campaign of each state by itself, or use `camtorque compare`"
     )
+
+
+def with_own_triggers(inputs: Sequence[FittedAlone]) -> list[FittedAlone]:
+    """Return the recordings, each with its own error of the trigger's angle where triggers are declared differently.
+
+    One that is mounted anew, or an encoder in the place of a tooth, is off by something else; the pump is the same.
+    """
+    if not other_triggers(item.stated for item in inputs):
+        return list(inputs)
+    own = {TRIGGER_ANGLE: {"role": "own"}}
+    kept = [{name: row for name, row in item.alone.items() if name != TRIGGER_ANGLE} for item in inputs]
+    return [
+        replace(item, data=with_rows(item.data, own), alone=alone) for item, alone in zip(inputs, kept, strict=True)
+    ]
 
 
 def common_error(item: FitData, count: int) -> FitData:

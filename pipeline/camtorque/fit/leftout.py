@@ -20,7 +20,7 @@ from camtorque.fit.descent import Effort, free_at
 from camtorque.fit.endings import endings_of, load_for
 from camtorque.fit.forecast import values_of
 from camtorque.fit.joint_fit import JointFit, residual_covariance
-from camtorque.fit.joint_input import JointInput
+from camtorque.fit.joint_input import TRIGGER_ANGLE, JointInput
 from camtorque.fit.joint_solver import JointSolution, joint_setup, solve_many, try_at
 from camtorque.fit.known_ends import END_OF, WIDTHS_OF, Curve
 from camtorque.fit.known_fit import FRACTIONS, FittedAt, KnownFit, LoadKnowledge, draws, middle, steps
@@ -206,7 +206,8 @@ def predicted(fit: JointFit, others: LeaveOneOut, index: int, item: JointInput) 
     shared = typical(known, data, shared, ends)
     data = with_starts(data, shared)
     own = _prediction(item, data, {**shared, "pressure_zero": 0.0}, MODES[0], correction)
-    blind = {**shared, **dict.fromkeys(("pressure_zero", "torque_zero", *ripple.NAMES), 0.0), **ends}
+    nothing = dict.fromkeys((TRIGGER_ANGLE, "pressure_zero", "torque_zero", *ripple.NAMES), 0.0)
+    blind = {**nothing, **shared, **ends}  # the trigger's angle is shared by recordings of one trigger
     return (own, _prediction(item, with_starts(data, blind), blind, MODES[1], correction)), settled
 
 

@@ -225,7 +225,7 @@ def build_problem(data: Sequence[FitData], held: Mapping[str, float] | None = No
         users = [index for index, item in enumerate(data) if item.applies(name)]
         if not users:
             continue
-        if ROWS[name].role == "shared":
+        if data[users[0]].rows[name].role == "shared":
             parameters.append(FreeParameter(data[users[0]].rows[name], -1, name))
             continue
         for index in users:

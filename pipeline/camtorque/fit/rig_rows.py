@@ -29,6 +29,8 @@ TURNING_SHARE = 1.5e-3
 0.3 %, say mounting instructions of torque transducers."""
 RIPPLE_SHARE = 0.02
 """Torque that teeth or poles of a drive repeat, over the transducer's nominal torque, where that is a large one's."""
+LEAST_CUTOFF = 100.0
+"""Lowest low-pass of a torque transducer whose sheet states none [Hz]."""
 USUAL_PLUNGER, USUAL_CAM = (0.007, 0.011), (0.015, 0.03)
 """Diameters and base circle radii of the pumps that the literature of the rows speaks of [m]."""
 LARGEST_USUAL_ROLLER = 0.015
@@ -148,6 +150,9 @@ def _set_filter(rows: dict[str, ParameterRow], torque: SensorCalibration) -> Non
     if np.isfinite(cutoff):
         _set(rows, "cutoff", start=cutoff, lower=0.5 * cutoff, upper=2.0 * cutoff, step=0.05 * cutoff,
              prior=(cutoff, 0.05 * cutoff))  # fmt: skip
+    else:
+        _set(rows, "cutoff", lower=LEAST_CUTOFF, prior=(rows["cutoff"].start, rows["cutoff"].start),
+             source="no sheet states it; amplifiers of transducers, 0.1-5 kHz")  # fmt: skip
     if torque.filter_order == 1:
         ratio = FIRST_ORDER
         _set(rows, "filter_damping", start=ratio, lower=0.5 * ratio, upper=2.0 * ratio, step=0.1 * ratio,

@@ -32,6 +32,8 @@ from camtorque.records import Array
 SEEN = 4.3
 """Standard errors of a change that would have been told nearly always, the whole list counted."""
 SURE = 2.6
+SIGNED = 1.0
+"""Standard errors that a change has at least that is told with its size: below, its sign is not known either."""
 MATTERS = 1.0
 """Size that matters, in steps of a parameter."""
 BALANCE_LOSSES: dict[str, tuple[str, ...]] = {**GROUPS, "pressure": ()}
@@ -109,8 +111,10 @@ def parameter_differences(pair: TwoRecordings, found: Attribution) -> tuple[Diff
         matters = MATTERS * row.step / per
         # a linearised difference knows no bounds: no friction below zero is ever stated
         after = float(np.clip(before + mean, row.lower / per, row.upper / per))
-        result.append(Difference(name, before, after, after - before, std, row.unit, verdict(told, free, matters),
-                                 SEEN * free[1], matters))  # fmt: skip
+        kind = verdict(told and abs(mean) > SIGNED * std, free, matters)
+        result.append(Difference(
+            name, before, after, after - before, std, row.unit, kind, SEEN * free[1], matters
+        ))  # fmt: skip
     return tuple(result)
 
 
@@ -190,7 +194,7 @@ def loss_differences(pair: TwoRecordings, found: Attribution) -> tuple[Differenc
         moved = after[name] - base[name]
         matters = SMALL_LOSS * max(abs(base[name]), 0.01 * abs(total))
         mean = float(slope @ found.free_mean)
-        kind = verdict(told, (mean, free), matters)
+        kind = verdict(told and abs(moved) > SIGNED * std, (mean, free), matters)
         std = std if told else max(std, free)
         result.append(
             Difference(name, base[name], after[name], moved, std, "J per revolution", kind, SEEN * free, matters)

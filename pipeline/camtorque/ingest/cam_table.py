@@ -29,6 +29,10 @@ MOST_AT_ZERO, LAST_TOP = 0.4, np.radians(185.0)
 flank and end of delivery are sought from zero to half a revolution; an eccentric is at its top there."""
 LOBE_TOP = 0.97
 """Share of the stroke from which a rise is a lobe's top, be it worn or ground lower than another one's."""
+OPEN = 4.0
+"""Times the largest change of slope between other rows that the step from the last row to the first may make."""
+WHOLE = 0.02
+"""Share of a turn within which a table covers a whole one, a part of it, or degrees that are radians."""
 COARSE = 0.2
 """Share of the stroke between two rows beyond which the lift between them is a guess, as of a pressure curve: a flank
 of five points."""
@@ -68,10 +72,10 @@ def read_cam_table(pump: PumpData) -> tuple[CamTable, tuple[Finding, ...]]:
     theta, lift, findings = _in_order(theta, lift, where)
     if theta.size > 1 and abs(theta[-1] - theta[0] - 2.0 * np.pi) < SAME_ANGLE * abs(theta[1] - theta[0]):
         if abs(lift[-1] - lift[0]) > 2.0 * resolution:
-            raise Refusal(f"{table.path}: lift at the end of the revolution differs from its beginning by "
-                          f"{1e6 * (lift[-1] - lift[0]):.3g} um; the table does not close")  # fmt: skip
+            raise _open_table(table, lift[-1] - lift[0])
         theta, lift = theta[:-1], lift[:-1]
     _check_angles(table, theta)
+    _check_closes(table, theta, lift, resolution)
     if -np.min(lift) > np.max(lift):
         raise Refusal(f"{table.path}: the lift goes from {1e3 * np.min(lift):.4g} to {1e3 * np.max(lift):.4g} mm, "
                       "expected it above the base circle; turn its sign")  # fmt: skip
@@ -103,6 +107,26 @@ def _in_order(theta: Array, lift: Array, where: str) -> tuple[Array, Array, list
         start = int(down[0]) + 1
         return np.roll(theta, -start), np.roll(lift, -start), []
     return theta, lift, []
+
+
+def _open_table(table: SmallTable, error: float) -> Refusal:
+    return Refusal(
+        f"{table.path}: lift at the end of the revolution differs from its beginning by {1e6 * error:.3g} um; the "
+        "table does not close: measure it again, or spread the difference over its rows, in proportion to their angle"
+    )
+
+
+def _check_closes(table: SmallTable, theta: Array, lift: Array, resolution: float) -> None:
+    """Refuse a table whose last row and first lie a step apart that no other rows do: its roller would look too large.
+
+    A point that sticks out makes two such steps, and is told as that.
+    """
+    slopes = np.diff(lift, append=lift[0]) / np.diff(theta, append=theta[0] + 2.0 * np.pi)
+    before, after = slopes[-1] - slopes[-2], slopes[-1] - slopes[0]
+    apart = min(abs(before), abs(after)) if before * after > 0.0 else 0.0
+    error = apart * (2.0 * np.pi + theta[0] - theta[-1])
+    if apart > OPEN * np.max(np.abs(np.diff(slopes[:-1]))) and error > 2.0 * resolution:
+        raise _open_table(table, -math.copysign(error, before))
 
 
 def _above_zero(table: SmallTable, lift: Array, resolution: float, radius: float) -> list[Finding]:
@@ -170,6 +194,11 @@ def _named(table: SmallTable, name: str, key: str) -> str:
 
 def _factor(table: SmallTable, name: str, dimension: str) -> float:
     """Return the factor of a column to SI."""
+    if dimension == "length" and "_per_" in name:
+        raise Refusal(
+            f"{table.path}: column {name!r} holds a slope, expected the lift itself; sum it up over the angle, from "
+            "zero at the start of lift, and write that as a column such as lift_mm"
+        )
     unit = tidy_unit(table.units.get(name, "") or name.rpartition("_")[2])
     if unit not in BORDER_UNITS:
         raise Refusal(
@@ -200,12 +229,23 @@ def _check_angles(table: SmallTable, theta: Array) -> None:
         )
     gap = max(float(np.max(steps)), 2.0 * np.pi - float(theta[-1] - theta[0]))
     if theta[-1] - theta[0] >= 2.0 * np.pi or gap > 4.0 * float(np.median(steps)):
-        turns = float(theta[-1] - theta[0]) / (2.0 * np.pi)
-        hint = "; degrees of a crank that turns twice are to be halved" if 1.9 < turns < 2.1 else ""
         raise Refusal(
             f"{table.path}: angles from {np.rad2deg(theta[0]):g} to {np.rad2deg(theta[-1]):g} deg with a largest step "
-            f"of {np.rad2deg(gap):g} deg; expected one whole revolution of the cam without gaps{hint}"
+            f"of {np.rad2deg(gap):g} deg; expected one whole revolution of the cam without gaps"
+            f"{_part_of_turn(float(theta[-1] - theta[0] + np.median(steps)) / (2.0 * np.pi))}"
         )
+
+
+def _part_of_turn(turns: float) -> str:
+    """Return what a table may be that covers another part of a turn than one."""
+    if abs(turns - 2.0) < 0.1:
+        return "; degrees of a crank that turns twice are to be halved"
+    if abs(turns / DEGREE - 1.0) < WHOLE:
+        return "; they look like radians: say so in the column's name, such as cam_angle_rad"
+    lobes = round(1.0 / turns)
+    if lobes > 1 and abs(turns * lobes - 1.0) < WHOLE:
+        return f"; where the cam has {lobes} equal lobes, write the rows of the first again for each"
+    return ""
 
 
 def outlying_points(table: CamTable) -> NDArray[np.int64]:

@@ -145,7 +145,7 @@ def _accuracy(sheet: Sheet) -> tuple[float, list[Finding]]:
 
 def _assumed(what: str, value: str, sheet: Sheet, key: str) -> Finding:
     text = f"nothing states the {what}; {value} is assumed, give {key}"
-    return Finding(f"{what}_assumed", "warning", text, sheet.place)
+    return Finding(f"{what.replace('-', '_')}_assumed", "warning", text, sheet.place)
 
 
 def _low_pass_delay(cutoff_hz: float, order: int) -> float:
@@ -194,6 +194,8 @@ def _delayed(sheet: Sheet, quantity: str) -> tuple[SensorCalibration, list[Findi
     if sheet["filter"] and sheet["cutoff_hz"] and not sheet.filter_order:
         text = f"filter: {sheet['filter']!r} names no order; second order is taken (say '4th order, Bessel')"
         findings = [*findings, Finding("filter_order_assumed", "info", text, sheet.place)]
+    if quantity == "torque" and not sheet["cutoff_hz"]:  # no other low-pass acts in the model
+        findings = [*findings, _assumed("low-pass", "1 kHz +/- 100 %", sheet, "cutoff_hz")]
     return SensorCalibration(
         quantity, sheet.serial, delay=delay, delay_std=delay_std, cutoff_hz=sheet["cutoff_hz"] or math.nan,
         filter_order=sheet.filter_order, filter_damping=sheet.filter_damping,

@@ -6,7 +6,7 @@ A fit takes these numbers as given: one that was typed otherwise comes out as a 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from hashlib import sha256
 from math import isnan
 from typing import Any
@@ -22,6 +22,7 @@ DIMENSIONS = tuple(f"[pump] {name}" for name in (
     "plunger_diameter_m", "base_circle_radius_m", "roller_radius_m", "follower_offset_m"
 ))  # fmt: skip
 """What differs between pumps, not between the states of one."""
+TRIGGER = "[trigger]"
 PLACE = "pressure sensor, place"
 NUMBERS = ("number", "whole", "choice", "flag")
 """Kinds of key from which a model is computed."""
@@ -37,6 +38,8 @@ def stated(recording: Recording) -> dict[str, str]:
         for key in schema.keys if record is not None else ():
             if key.used and key.kind in NUMBERS:
                 found[f"{schema.header} {key.name}"] = _text(key, getattr(record, key.attribute))
+    if config.trigger is not None:
+        found[f"{TRIGGER} source"] = "a recorded angle" if recording.of("angle") else "pulses"
     table = recording.lift_table
     if table is not None:
         found["lift table"] = sha256(table.theta.tobytes() + table.lift.tobytes()).hexdigest()[:8]
@@ -84,13 +87,26 @@ def differences(sides: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
     return found
 
 
+def other_triggers(sides: Iterable[Mapping[str, str]]) -> bool:
+    """Return whether recordings take the cam angle from triggers that are declared differently."""
+    return len({tuple(pair for pair in stated.items() if pair[0].startswith(TRIGGER)) for stated in sides}) > 1
+
+
 def difference_findings(found: Mapping[str, str]) -> tuple[Finding, ...]:
     """Return a warning on each number that the sheets of recordings of one pump state differently: `differences`."""
+    triggers = "; ".join(f"{name} is {text}" for name, text in found.items() if name.startswith(TRIGGER))
+    rest = {name: text for name, text in found.items() if not name.startswith(TRIGGER)}
     return tuple(
         Finding("sheets_differ", "warning", f"{name} is {text}: each is read by its own sheet, so that a wrong one "
                 f"comes out as a change of the pump; {remedy(name)}", name)
-        for name, text in found.items()
-    )  # fmt: skip
+        for name, text in rest.items()
+    ) + triggers_findings(triggers)  # fmt: skip
+
+
+def triggers_findings(text: str) -> tuple[Finding, ...]:
+    """Return a warning on triggers that are declared differently, in words; none where they are not."""
+    said = f"{text}: each recording has its own error of the trigger's angle in the joint fit; correct a wrong one"
+    return (Finding("triggers_differ", "warning", said, TRIGGER),) if text else ()
 
 
 def remedy(name: str) -> str:

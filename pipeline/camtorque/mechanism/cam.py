@@ -132,3 +132,9 @@ def lobe_count(lift: Array) -> int:
     power = np.abs(np.fft.rfft(lift)[1:]) ** 2
     whole = REPEATED * np.sum(power)
     return max((n for n in range(2, MOST_LOBES + 1) if np.sum(power[n - 1 :: n]) >= whole), default=1)
+
+
+def stroke_count(lift: Array) -> int:
+    """Return how many lobes, alike or not, a lift at the angles of a revolution has, (n,): rises beyond its half."""
+    high = lift > 0.5 * (np.min(lift) + np.max(lift))
+    return max(int(np.count_nonzero(high & ~np.roll(high, 1))), 1)

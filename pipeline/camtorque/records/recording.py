@@ -46,7 +46,7 @@ class SensorCalibration:
     zero_source : ``standstill`` | ``certificate`` | ``idle stretch``
     nonlinearity_std : rms residual of the certificate points in SI
     delay, delay_std : total signal delay and its standard uncertainty [s]
-    cutoff_hz : -3 dB frequency of the low-pass, nan when there is none on the sheet
+    cutoff_hz : -3 dB frequency of the low-pass, nan where nothing states it
     filter_order, filter_damping : order of the low-pass, 0 when none; its damping ratio, nan where its kind is unknown
     range_min, range_max : nominal range in SI
     output_min_volts, output_max_volts : output range

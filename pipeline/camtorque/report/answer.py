@@ -132,7 +132,7 @@ def sureness_text(doc: Document) -> str:
     if accuracy["absolute_uncertainty_percent"] is not None:
         text += (
             f" Absolute torque: ±{significant(accuracy['absolute_uncertainty_percent'], 2)} % of the peak (k = 1; "
-            "gain, linearity and zero by the certificate), which no residual reveals; plunger, cam and spring are "
+            "gain, linearity and zero as stated or assumed), which no residual reveals; plunger, cam and spring are "
             "taken as the sheet has them: 1 % of the plunger's diameter is 2 % of the torque of pressure."
         )
     return f"{text} {known_text(rows)}{alternatives_text(doc)}"

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from camtorque.fit.clearance import CLEARANCE
 from camtorque.fit.endings import EITHER, holding
-from camtorque.fit.forecast import CLEARANCE, Forecast
+from camtorque.fit.forecast import Forecast
 from camtorque.fit.known_ends import Curve
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.uncertainty import COVERAGE

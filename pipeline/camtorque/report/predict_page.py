@@ -81,9 +81,9 @@ def _panels(prediction: Prediction) -> dict[str, tuple[Panel, ...]]:
 FIGURES: dict[str, tuple[str, bool]] = {
     "torque": ("Drive torque", True),
     "cam": ("Cam and load", True),
-    "causes": ("Torque by cause, at the last speed", False),
-    "forces": ("Forces, at the last speed", False),
-    "hertz": ("Hertz pressure", True),
+    "causes": ("Torque of the first pump by cause, at the last speed", False),
+    "forces": ("Forces of the first pump, at the last speed", False),
+    "hertz": ("Hertz pressure of the first pump", True),
 }
 """Name -> title, whether it is wide."""
 

@@ -107,7 +107,7 @@ def budget_rows(before: Sequence[Document], after: Sequence[Document]) -> list[d
 
 def by_size(rows: Sequence[dict[str, Any]]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Return the sources of angle error that matter before or after the fit, the largest first, and the small ones."""
-    known = [row for row in rows if row["before"] is not None or row["after"] is not None]
+    known = [row for row in rows if row["before"] or row["after"]]
     known.sort(key=lambda row: -(row["after"] or 0.0))
     largest = max((max(row["before"] or 0.0, row["after"] or 0.0) for row in known), default=0.0)
     small = [
