@@ -195,9 +195,8 @@ def test_chamber_is_the_rigs_where_nothing_is_delivered(case, limit):
     if case == "spill":
         values["spill_lift"] = float(lift_of(truth, np.array([run.end_angle[0]]))[0])
     vector = np.array([values[name] * KERNEL_UNITS[name] for name in NAMES])
-    geometry = np.array(
-        [truth.pump.plunger_area * 1e6, truth.pump.cam.lift * 1e3, 2e3 * np.pi / N / speed.mean(), 0.0, 0.0, np.pi]
-    )
+    area, lift, step = truth.pump.plunger_area * 1e6, truth.pump.cam.lift * 1e3, 2e3 * np.pi / N / speed.mean()
+    geometry = np.array([area, lift, step, 0.0, 0.0, np.pi, 0.0])
     substeps = np.full(N, 16)
     substeps.flags.writeable = False  # as the chain hands them on: compiled once
     pressure, *_ = integrate(

@@ -225,17 +225,8 @@ def fit_joint(known: Sequence[FittedAlone], read: Callable[[int], JointInput], t
 
 
 def _fit_joint(known: Sequence[FittedAlone], read: Callable[[int], JointInput], each: Each) -> CampaignFit:
-    refuse_two_states(known)
-    known = with_own_triggers(known)
-    places, excluded = list(range(len(known))), []
-    problem, solution = solve_joint(known, each)
-    while odd := fitting_no_other(solution.misfits):
-        excluded += [known[places[k]].name for k in odd]
-        places = [place for k, place in enumerate(places) if k not in odd]
-        problem, solution = solve_joint([known[k] for k in places], each)
-    used = [known[k] for k in places]
-    problem, solution = with_one_ending(problem, solution, each)
-    problem, solution = with_likelier_pin(problem, solution, each)
+    places, used, problem, solution = _solved(known, each)
+    excluded = [item.name for place, item in enumerate(known) if place not in places]
     drifts = shared_drifts(used) if len(used) > 2 else ()
     fit = joint_fit_of(used, problem, solution, drifts, each)
     others = left_out(fit)
@@ -266,6 +257,20 @@ def _fit_joint(known: Sequence[FittedAlone], read: Callable[[int], JointInput], 
         residual_covariance(solution, fit.covariance), shared_lift_from(problem, others.lift),
         joint_evidence(fit, np.array(odd_even), all(one.explained for one in fitted), each),
     )  # fmt: skip
+
+
+def _solved(known: Sequence[FittedAlone], each: Each) -> tuple[list[int], list[FittedAlone], Problem, JointSolution]:
+    """Return the places of the recordings that fit together, these as they are fitted, and their joint minimum."""
+    refuse_two_states(known)
+    known = with_own_triggers(known)
+    places = list(range(len(known)))
+    problem, solution = solve_joint(known, each)
+    while odd := fitting_no_other(solution.misfits):
+        places = [place for k, place in enumerate(places) if k not in odd]
+        problem, solution = solve_joint([known[k] for k in places], each)
+    problem, solution = with_one_ending(problem, solution, each)
+    problem, solution = with_likelier_pin(problem, solution, each)
+    return places, [known[k] for k in places], problem, solution
 
 
 def fitting_no_other(misfits: Array) -> list[int]:
