@@ -133,7 +133,7 @@ VERDICTS: dict[str, Verdict] = {
     "clipped_torque": used("torque_clipped"),
     "constant_pressure": used("channel_constant"),
     "constant_trigger": used("channel_constant"),
-    "swapped_channels": used("channels_swapped", "torque_against_pressure"),
+    "swapped_channels": used("channels_swapped", "torque_beyond_pressure"),
     "inverted_torque": used(),
     "trigger_dies": used(),
     "trigger_wakes_late": used(),

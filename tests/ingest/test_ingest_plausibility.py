@@ -242,7 +242,7 @@ def test_the_curvature_counts_the_offset_as_the_cam_sees_it(bench: Path):
 
 def test_a_torque_too_large_for_the_pressure_is_told_before_it_is_refused(bench: Path):
     edit(bench / "raw_examples" / "A" / "recording.toml", "plunger_diameter_m = 0.008", "plunger_diameter_m = 0.004")
-    assert "torque_against_pressure" in codes(bench)
+    assert "torque_beyond_pressure" in codes(bench)
 
 
 def test_a_chamber_may_be_pressed_highest_where_the_lift_hardly_rises(bench: Path):
@@ -424,3 +424,11 @@ def test_a_sensor_of_a_pump_without_load_may_be_large(bench: Path):
     changed = tuple(replace(c, calibration=idle.get(c.quantity)) for c in recording.channels)
     found = {row.code for row in check_loads(replace(recording, channels=changed))}
     assert "far_below_nominal_range" not in found
+
+
+def test_a_pressure_read_in_another_unit_is_named_beside_a_stiff_spring(bench: Path):
+    toml = bench / "raw_examples" / "A" / "recording.toml"
+    edit(toml, "plunger_diameter_m = 0.008", "plunger_diameter_m = 0.0026")  # a tenth of the force
+    edit(toml, "spring_preload_N = 110.0", "spring_preload_N = 500.0")
+    told = [finding.text for finding in read(bench).findings if finding.code == "torque_beyond_pressure"]
+    assert "the pressure looks like MPa read as bar: correct its unit; else" in told[0]

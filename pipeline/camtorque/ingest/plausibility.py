@@ -171,10 +171,12 @@ def _against_each_other(recording: Recording, table: CamTable, peaks: Mapping[st
     if recording.config.measures_chamber:  # closed at last, it is pressed highest where the lift hardly rises any more
         unusual, impossible = impossible, 0.0
     if high < impossible or low > LOAD_POSSIBLE[1]:
-        slip = _other_unit("torque", TORQUE_SLIPS, high)
-        implied = f"{slip}; else {_implied(pump, slope, high)}" if slip else _implied(pump, slope, high)
-        raise Refusal(f"{where}: {text}; {marked_missing(recording) or implied}")
-    if high < unusual or low > LOAD_USUAL[1]:
+        cause = marked_missing(recording) or _slip_or_sheet("torque", TORQUE_SLIPS, pump, slope, high)
+        raise Refusal(f"{where}: {text}; {cause}")
+    if low > LOAD_USUAL[1]:
+        cause = _slip_or_sheet("pressure", PRESSURE_SLIPS, pump, slope, high)
+        findings.append(Finding("torque_beyond_pressure", "warning", f"{text}; {cause}", where))
+    elif high < unusual:
         findings.append(Finding("torque_against_pressure", "warning", f"{text}; {_implied(pump, slope, high)}", where))
     return findings
 
@@ -198,6 +200,12 @@ def _other_unit(quantity: str, slips: Mapping[float, str], ratio: float) -> str:
     """Return which unit makes a torque of so many times what the pressure makes usual, empty where none does."""
     found = [name for factor, name in slips.items() if LOAD_USUAL[0] < ratio / factor < LOAD_USUAL[1]]
     return f"the {quantity} looks like {found[0]}: correct its unit" if found else ""
+
+
+def _slip_or_sheet(quantity: str, slips: Mapping[float, str], pump: PumpData, slope: float, ratio: float) -> str:
+    """Return which unit or which number of the sheet makes a torque of so many times what the pressure makes."""
+    slip, implied = _other_unit(quantity, slips, ratio), _implied(pump, slope, ratio)
+    return f"{slip}; else {implied}" if slip else implied
 
 
 def _implied(pump: PumpData, slope: float, ratio: float) -> str:

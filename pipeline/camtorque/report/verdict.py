@@ -34,6 +34,7 @@ DOUBTFUL = {
     "base_torque_negative": "a torque that is negative on the base circle",
     "base_torque_large": "a torque on the base circle that is that of no drag",
     "torque_against_model": "a torque that does not suit the plunger of the sheet",
+    "torque_beyond_pressure": "a torque that no such pressure makes",
     "torque_flat_top": "a torque whose top is cut off",
     "torque_size_drifts": "a torque whose size drifts beside its pressure",
     "csv_cut_row": "a log that may be cut short",
