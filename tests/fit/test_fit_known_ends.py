@@ -13,7 +13,7 @@ from camtorque.fit.known_fit import FittedAt, KnownFit, draws
 
 THETA = np.linspace(0.0, 2.0 * np.pi, 1800, endpoint=False)
 CHAIN = SimpleNamespace(
-    theta=THETA, law=SimpleNamespace(evaluate=lambda theta, order: np.sin(np.minimum(theta, np.pi)))
+    theta=THETA, lobes=1, law=SimpleNamespace(evaluate=lambda theta, order: np.sin(np.minimum(theta, np.pi)))
 )
 SPEEDS, WIDTHS, END = {"a": 50.0, "b": 60.0, "c": 75.0}, [0.1, 0.2, 0.15], 0.8
 OVER_WIDTH = [1.0 / width for width in WIDTHS]

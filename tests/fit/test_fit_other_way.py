@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import pytest
 from camtorque.fit import single
 from camtorque.fit.descent import LOOKED_BACK, Effort
 from camtorque.fit.minima import at_minimum, beside
 from camtorque.fit.problem import with_rows, with_starts
-from camtorque.fit.search import DISSATISFYING, UNEXPLAINED
-from camtorque.fit.single import AT_REST, misses_basin, reconverged, with_oil_at_rest
+from camtorque.fit.single import AT_REST, reconverged, with_oil_at_rest
 from camtorque.fit.valleys import (
     CAM_SIDES,
     GAINED,
@@ -124,14 +122,6 @@ def test_what_dissatisfies_is_sought_again_with_the_oil_up_to_the_sensor_at_rest
     # what is no better changes nothing
     monkeypatch.setattr(single, "search_minima", lambda _halves: ([wrong], NO_VALLEY))
     assert with_oil_at_rest([best], NO_VALLEY, halves) == ([best], NO_VALLEY)
-
-
-@pytest.mark.parametrize(("left", "sought"), [(0.9 * DISSATISFYING, False), (1.1 * DISSATISFYING, True),
-                                              (0.9 * UNEXPLAINED, True), (1.1 * UNEXPLAINED, False)])  # fmt: skip
-@pytest.mark.parametrize("in_chamber", [False, True])
-def test_what_no_basin_explains_is_not_sought_again(left, sought, in_chamber):
-    found = SimpleNamespace(left_to_explain=left, data=SimpleNamespace(measures_chamber=in_chamber))
-    assert misses_basin(found) == (sought and not in_chamber)
 
 
 def test_a_descent_that_was_left_early_is_ended(best, halves):

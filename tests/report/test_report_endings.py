@@ -140,7 +140,8 @@ def test_what_the_other_ending_would_make_is_told_where_the_band_does_not_hold_i
 def test_an_ending_that_no_fitted_recording_has_lies_where_theirs_do_and_is_less_sure() -> None:
     fit = known({"a": "land", "b": "land", "c": "land"})
     templates = {item.id: falling(0.8, item.speed) for item in fit.recordings}
-    chain = SimpleNamespace(theta=THETA, law=SimpleNamespace(evaluate=lambda theta, order: 0.01 * np.sin(theta / 2.0)))
+    law = SimpleNamespace(evaluate=lambda theta, order: 0.01 * np.sin(theta / 2.0))
+    chain = SimpleNamespace(theta=THETA, lobes=1, law=law)
     curve = falling(0.9, 60.0)
     land = load_for(fit, fit.recordings[0], templates, chain, curve)  # type: ignore[arg-type]
     spill = load_for(fit, replace(fit.recordings[0], structure="spill"), templates, chain, curve)  # type: ignore[arg-type]

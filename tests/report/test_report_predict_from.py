@@ -399,7 +399,7 @@ def test_coarse_points_of_a_file_widen_the_end_of_delivery_and_fine_ones_do_not(
     source = FittedAt("a", 50.0, "land", 0.01, True)
     fit = KnownFit(names, np.array([0.8]), ArrowCovariance.whole(1e-8 * np.eye(1)), (source,))
     law = SimpleNamespace(evaluate=lambda theta, order: np.sin(np.minimum(theta, np.pi)))
-    chain = SimpleNamespace(theta=THETA, law=law)
+    chain = SimpleNamespace(theta=THETA, lobes=1, law=law)
 
     def end(curve: Curve) -> Estimate:
         return load_for(fit, source, {"a": falling(0.8, 50.0)}, chain, curve).ends["end_of_delivery"]  # type: ignore[arg-type]

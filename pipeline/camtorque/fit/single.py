@@ -9,7 +9,7 @@ that holds its measurements:
 `with_lost_torque`       what the transducer's low-pass takes away twists the shaft all the same             0094
 `turned_round`           what no small step leads to: one thing at a time the other way round                0118, 0120
 `profile_trigger_angle`  a deeper place in the bent valley of the trigger angle, and how wide that is        0094, 0095
-`with_oil_at_rest`       the same again without the oil up to the sensor, where a basin may be missing        0123
+`with_oil_at_rest`       the same again without the oil up to the sensor, where much is left to explain      0123
 `distinct`               each basin once: what differs stays among what is compared                          0118
 `weighed_locally`        where laws are missing the residual weighs less                                     0155
 `pin_decided`            the pin's other kind, if it is the likelier one; else beside the best one           0158
@@ -35,7 +35,7 @@ from camtorque.fit.minima import Candidate, Halves, at_minimum, attempted, besid
 from camtorque.fit.prepare import INDEPENDENT, MeanCycles, fit_data, mean_cycles, other_half
 from camtorque.fit.problem import Problem, with_rows
 from camtorque.fit.residual import explains
-from camtorque.fit.search import DISSATISFYING, UNEXPLAINED, SearchState, search
+from camtorque.fit.search import DISSATISFYING, SearchState, search
 from camtorque.fit.solver import Minimum, Solution
 from camtorque.fit.uncertainty import (
     Covariance,
@@ -159,7 +159,7 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     data = fit_data(recording, cycles, law, means)
     halves = Halves(data, other_half(data, means))
     minima, valley = search_minima(halves)
-    if misses_basin(minima[0]):
+    if minima[0].left_to_explain > DISSATISFYING and not data.measures_chamber:
         minima, valley = with_oil_at_rest(minima, valley, halves)
     kept = distinct(minima)
     weighed, other_pin = pin_decided(weighed_locally(kept, halves, means.odd_even), halves)
@@ -187,11 +187,6 @@ def with_lost_torque(minima: list[Candidate], halves: Halves) -> list[Candidate]
 def reconverged(found: Candidate, halves: Halves) -> Candidate:
     """Return where the descent to a minimum ends, if it was left before it had settled."""
     return found if found.solution.converged else halves.again(found)
-
-
-def misses_basin(best: Candidate) -> bool:
-    """Return whether another basin may explain what the best minimum does not; above `UNEXPLAINED` a law is missing."""
-    return not best.data.measures_chamber and DISSATISFYING < best.left_to_explain < UNEXPLAINED
 
 
 def with_oil_at_rest(minima: list[Candidate], valley: Valley, halves: Halves) -> tuple[list[Candidate], Valley]:
