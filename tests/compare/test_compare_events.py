@@ -27,8 +27,19 @@ from camtorque.fit.changes import (
     two_ln_odds,
 )
 from camtorque.fit.difference import along, evaluated, minimised, objective, turn_of_tooth, within
-from camtorque.fit.pair import COMMON_TIME_BASE, TwoRecordings, _slope, best_pair, shift_covariance
+from camtorque.fit.pair import (
+    COMMON_TIME_BASE,
+    RESIDUAL_REACH,
+    RESIDUAL_SHARE,
+    TwoRecordings,
+    _difference_weights,
+    _slope,
+    best_pair,
+    shift_covariance,
+)
+from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import with_rows
+from camtorque.fit.residual import mean_square_about
 from camtorque.fit.verdicts import common_attributions, parameter_differences, pooled
 from camtorque.laws.chain import BINS, ChainInput, ChainOutput, evaluate
 from camtorque.process.second_process import Second, second_process
@@ -63,6 +74,21 @@ def test_a_tooth_in_another_place_is_no_event() -> None:
     found, pair = attribution(made_pair({}, left=RINGING, tooth=25.0 * DEGREE))
     assert abs(turn_of_tooth(pair, found.state.outputs[0])) > 0.1 * DEGREE
     assert found.unchanged > 0.5
+
+
+@pytest.mark.parametrize(("load", "share"), [(1.0, RESIDUAL_SHARE), (1.01, RESIDUAL_SHARE), (1.03, 1.0), (0.97, 1.0)])
+def test_what_the_laws_leave_is_another_one_at_another_load(load: float, share: float) -> None:
+    pair, noise = made_pair({}), 1e-4 * np.eye(BINS)
+    first, second = pair.items
+    other = replace(second, chain=replace(second.chain, line_pressure=load * second.chain.line_pressure))
+    loads = replace(pair, items=(first, other))
+    of_left = [
+        _difference_weights(loads, loads.fixed, noise, left)["difference_root"] for left in (RINGING, 0.0 * RINGING)
+    ]
+    apart = np.diag(of_left[0] @ of_left[0].T - of_left[1] @ of_left[1].T)
+    np.testing.assert_allclose(
+        apart, share**2 * mean_square_about(RINGING, RESIDUAL_REACH) * BINS / INDEPENDENT, rtol=1e-6
+    )
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a fork beside threads is safe on Linux alone")

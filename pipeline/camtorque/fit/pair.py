@@ -34,6 +34,10 @@ UNCOMMON_FLOOR = 1.0e-4
 """The same as a share of the peak torque."""
 RESIDUAL_SHARE, RESIDUAL_REACH = 0.05, 15
 """Share of what the laws leave that two runs do not have in common, and bins over which its size is taken."""
+OTHER_LOAD = 0.015
+"""Share by which the highest pressures of two recordings differ where their loads do, at which what the laws leave is
+another one: 0.4 % at most in pairs of one load (1.2 % where the leakage doubled), 1.7 to 2.7 % where one load was a
+tenth above or below the other."""
 OWN_NAMES = (
     "torque_zero", "pressure_zero", "end_of_delivery", "end_width", "spill_lift", "spill_width", "trigger_offset",
     "delay_error", *ripple.NAMES,
@@ -157,6 +161,11 @@ def pair_of(before: Prepared, after: Prepared, start: Candidate) -> TwoRecording
     return TwoRecordings(items, (before.cycles, after.cycles), names, fixed, none, none, 0.0)  # type: ignore[arg-type]
 
 
+def has_other_load(before: float, after: float) -> bool:
+    """Return whether two highest pressures are those of two loads."""
+    return bool(abs(np.log(after / before)) > OTHER_LOAD)
+
+
 def peak_ratio(before: Prepared, after: Prepared) -> float:
     """Return the highest mean pressure after over that before, by which two loads are told apart."""
     return float(np.max(after.means.pressure_all) / np.max(before.means.pressure_all))
@@ -209,7 +218,8 @@ def _difference_weights(pair: TwoRecordings, values: Mapping[str, float], noise:
     known = noise + shift_covariance(pair, values)
     peak = float(np.max(np.abs(item.torque)))
     size = mean_square_about(left, RESIDUAL_REACH)
-    error = (UNCOMMON * item.torque) ** 2 + (UNCOMMON_FLOOR * peak) ** 2 + RESIDUAL_SHARE**2 * size
+    share = 1.0 if has_other_load(*(np.max(one.chain.line_pressure) for one in pair.items)) else RESIDUAL_SHARE
+    error = (UNCOMMON * item.torque) ** 2 + (UNCOMMON_FLOOR * peak) ** 2 + share**2 * size
     weighed = known + np.diag(error * BINS / INDEPENDENT)
     # what the laws do not share is correlated over an unknown angle: each bin is weighed as if it were less sure than
     # it is, so that chi-square falls short of the number of bins

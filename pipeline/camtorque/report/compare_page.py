@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from camtorque.fit.changes import TOLD
+from camtorque.fit.pair import has_other_load
 from camtorque.fit.uncertainty import COVERAGE
 from camtorque.jsonable import jsonable
 from camtorque.records import Array, ReadOnly
@@ -39,9 +40,6 @@ EVENTS: dict[str, str] = {
     "drive": "inertia or control of the drive",
 }
 """Event -> its name for somebody at the rig."""
-OTHER_LOAD = 0.015
-"""Share by which the highest pressures of two recordings differ where their loads do: 0.4 % at most in pairs of one
-load (1.1 % where the leakage doubled), 1.7 to 2.7 % where one load was a tenth above or below the other."""
 UNEXPLAINED_DIFFERENCE = 2.0
 """Inflation of the difference above which events leave more than the recordings allow."""
 FACTOR = "×/÷"
@@ -145,11 +143,11 @@ def compare_cautions(document: Mapping[str, Any]) -> tuple[str, ...]:
             "same line pressure: no pump changes so; check the torque transducer, its range and its certificate first."
         )
     far = max(document.get("pressure_peak_ratio", ()), key=lambda value: abs(np.log(value)), default=1.0)
-    if abs(far - 1.0) > OTHER_LOAD:
+    if has_other_load(1.0, far):
         found.append(
             f"The highest pressure after is {significant(far, 4)} times that before: another load, or a pump that "
-            "makes another pressure. What the laws get wrong cancels at one load only; take events and sizes as "
-            "hints, and record both at the same load."
+            "makes another pressure. What the laws get wrong cancels at one load only, and changes that it may stand "
+            "for are not told; record both at the same load."
         )
     left = max(
         (value for value in document.get("inflation", {}).get("difference", ()) if value is not None), default=0.0
