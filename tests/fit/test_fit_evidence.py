@@ -250,7 +250,7 @@ def test_a_structure_with_more_parameters_pays_for_them():
 def test_what_the_switch_may_be_late_is_in_the_trigger_angle_alone():
     problem, cycles = quick(("closed_volume", 0, 1000.0)).problem, bridged(("closed_volume",))[1]
     late = replace(cycles, angle_errors=(AngleError("trigger switching delay", 0.03, ""),))
-    shift = switching_shift(problem, switching_std(late))
+    shift = switching_shift(problem, [switching_std(late)])
     assert shift[problem.index("trigger_offset")] == pytest.approx(np.radians(0.03))
     assert np.count_nonzero(shift) == 1
     assert switching_std(replace(cycles, angle_errors=())) == 0.0

@@ -72,6 +72,7 @@ from camtorque.fit.problem import (
     with_starts,
 )
 from camtorque.fit.shared_lift import all_lift_information, lift_information, shared_lift_from
+from camtorque.fit.single import switching_shift
 from camtorque.fit.solver import with_slopes
 from camtorque.fit.starts import ends_at
 from camtorque.laws import ROWS
@@ -756,6 +757,9 @@ def test_recordings_of_other_triggers_have_their_own_trigger_angle_each(prepared
     problem = build_problem(with_common_rows([item.data for item in mixed]))
     found = [name for name in problem.names if name.startswith("trigger_offset")]
     assert found == [f"trigger_offset{SEPARATOR}{item.name}" for item in mixed]
+    late = switching_shift(problem, [1e-3, 2e-3, 3e-3])
+    assert [late[problem.index(name)] for name in found] == [1e-3, 2e-3, 3e-3]
+    assert np.count_nonzero(late) == 3, "it moved the last parameter, whatever that was"
 
 
 def test_two_answers_at_one_speed_are_refused_and_not_averaged(prepared):

@@ -293,8 +293,7 @@ def joint_fit_of(
     spread = drift_spread(problem, solution.z, drifts, contradicted)
     shifts = {
         "drift of what should be the same": spread[None],
-        # one sensor, one delay: the angle at the mean speed
-        SWITCHING: switching_shift(problem, float(np.mean([item.switching_std for item in inputs])))[None],
+        SWITCHING: switching_shift(problem, [item.switching_std for item in inputs])[None],
         PIN: pin_shift(problem, solution, covariance)[None],
         SOFTER: softer_shift(problem, solution, covariance, each)[None],
     }

@@ -18,6 +18,7 @@ from camtorque.fit.prepare import INDEPENDENT, MeanCycles, law_variance
 from camtorque.fit.problem import FitData, with_rows
 from camtorque.fit.single import Prepared, switching_std
 from camtorque.fit.uncertainty import covariance
+from camtorque.fit.valleys import TRIGGER_ANGLE
 from camtorque.ingest.stated import other_triggers, stated
 from camtorque.laws.chain import BINS
 from camtorque.laws.rows import ParameterRow
@@ -33,7 +34,6 @@ COMPARED = (
     "shaft_drag", "shaft_compliance",
 )  # fmt: skip
 """Shared parameters that tell whether recordings belong to one pump in one state."""
-TRIGGER_ANGLE = "trigger_offset"
 ALIKE_WIDTH = 1.25
 """Priors whose widths differ by less than this factor count alike."""
 

@@ -20,7 +20,7 @@ from camtorque.fit.descent import Effort, free_at
 from camtorque.fit.endings import endings_of, load_for
 from camtorque.fit.forecast import values_of
 from camtorque.fit.joint_fit import JointFit, residual_covariance
-from camtorque.fit.joint_input import TRIGGER_ANGLE, JointInput
+from camtorque.fit.joint_input import JointInput
 from camtorque.fit.joint_solver import JointSolution, joint_setup, solve_many, try_at
 from camtorque.fit.known_ends import END_OF, WIDTHS_OF, Curve
 from camtorque.fit.known_fit import FRACTIONS, FittedAt, KnownFit, LoadKnowledge, draws, middle, steps
@@ -30,6 +30,7 @@ from camtorque.fit.quadratic import bounded_quadratic
 from camtorque.fit.residual import metrics
 from camtorque.fit.shared_lift import LiftInformation, all_lift_information, lift_information, shared_lift_from
 from camtorque.fit.solver import solve
+from camtorque.fit.valleys import TRIGGER_ANGLE
 from camtorque.laws import ripple
 from camtorque.laws.chain import coefficients_of, evaluate
 from camtorque.records import Array, Finding, Mask, Metrics

@@ -254,7 +254,7 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
         pressures.append(share * (variant.solution.output.pressure - solution.output.pressure))
     shifts["other structures"], moved = structure_spread(prepared.candidates, probabilities)
     pressures.extend(moved)
-    shifts[SWITCHING] = switching_shift(problem, switching_std(prepared.cycles))[None]
+    shifts[SWITCHING] = switching_shift(problem, [switching_std(prepared.cycles)])[None]
     odd_even = prepared.means.odd_even
     evidence: tuple[LossEvidence, ...] = ()
     if options.evidence:
@@ -288,13 +288,19 @@ def pressure_moved(best: Candidate, shift: Array) -> Array:
     return np.asarray(jacobian @ shift[places])
 
 
-def switching_shift(problem: Problem, angle: float) -> Array:
+def switching_shift(problem: Problem, angles: Sequence[float]) -> Array:
     """Return how far one standard deviation of the trigger's switching delay moves each parameter, (k,) [SI].
 
     The pulse comes that much later than the tooth, and the fit finds the pulse.
+
+    Parameters
+    ----------
+    angles : that deviation in each recording [rad]; of one trigger for all, the mean counts
     """
     shift = np.zeros(problem.size)
-    shift[problem.index(TRIGGER_ANGLE)] = angle
+    for k, parameter in enumerate(problem.parameters):
+        if parameter.row.name == TRIGGER_ANGLE:
+            shift[k] = np.mean(angles) if parameter.recording < 0 else angles[parameter.recording]
     return shift
 
 
