@@ -152,12 +152,20 @@ def test_shared_parameters_are_told_better_together(prepared, campaign):
 
 
 def test_a_recording_that_fits_no_other_is_excluded_and_told(prepared, solved, campaign):
-    odd = replace(prepared[0], data=replace(prepared[0].data, name="odd"))
+    encoder = {**prepared[0].stated, "[trigger] pulses_per_rev": "360"}
+    odd = replace(prepared[0], data=replace(prepared[0].data, name="odd"), stated=encoder)
     bad = SimpleNamespace(misfits=np.array([60.0, 2000.0, 70.0, 80.0]))
     four = [prepared[0], odd, *prepared[1:]]
+    roles = []
+
+    def solve(used, each):
+        roles.append({item.data.rows["trigger_offset"].role for item in used})
+        return (None, bad) if len(used) == 4 else solved
+
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(joint_room, "solve_joint", lambda used, each: (None, bad) if len(used) == 4 else solved)
+        patch.setattr(joint_room, "solve_joint", solve)
         found = fit_joint(four, four.__getitem__, 1)
+    assert roles == [{"own"}, {"shared"}], "the others have one trigger"
     assert found.names == campaign.names
     assert found.excluded == ("odd",)
     (told,) = [finding for finding in found.findings if finding.code == "recording_excluded"]

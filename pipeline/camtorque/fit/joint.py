@@ -262,15 +262,15 @@ def _fit_joint(known: Sequence[FittedAlone], read: Callable[[int], JointInput], 
 def _solved(known: Sequence[FittedAlone], each: Each) -> tuple[list[int], list[FittedAlone], Problem, JointSolution]:
     """Return the places of the recordings that fit together, these as they are fitted, and their joint minimum."""
     refuse_two_states(known)
-    known = with_own_triggers(known)
-    places = list(range(len(known)))
-    problem, solution = solve_joint(known, each)
+    places, used = list(range(len(known))), with_own_triggers(known)
+    problem, solution = solve_joint(used, each)
     while odd := fitting_no_other(solution.misfits):
         places = [place for k, place in enumerate(places) if k not in odd]
-        problem, solution = solve_joint([known[k] for k in places], each)
+        used = with_own_triggers([known[place] for place in places])
+        problem, solution = solve_joint(used, each)
     problem, solution = with_one_ending(problem, solution, each)
     problem, solution = with_likelier_pin(problem, solution, each)
-    return places, [known[k] for k in places], problem, solution
+    return places, used, problem, solution
 
 
 def fitting_no_other(misfits: Array) -> list[int]:
