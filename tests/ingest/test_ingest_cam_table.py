@@ -79,6 +79,7 @@ def test_resolution_is_the_step_that_all_values_share(tmp_path: Path):
         (rows(ANGLES, LIFT + 0.3 * ANGLES / 360.0), "lift_mm", "by 296 um; .* spread the difference over its rows"),
         (rows(ANGLES / 2.0, LIFT), "lift_mm", "cam has 2 equal lobes, write the rows of the first again"),
         (rows(np.radians(ANGLES), LIFT), "lift_mm", "look like radians: .* such as cam_angle_rad"),
+        (rows(ANGLES / 36.0, LIFT), "lift_mm", "one whole revolution of the cam without gaps$"),  # no 36 lobes
         (rows(ANGLES, LIFT, "cam_angle_deg,v_mm_per_rad"), "v_mm_per_rad", "holds a slope, expected the lift itself"),
         (rows(ANGLES, LIFT), "lif_mm", "did you mean 'lift_mm'.*meant as cam_table_lift_column in"),
         (

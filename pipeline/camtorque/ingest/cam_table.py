@@ -33,6 +33,8 @@ OPEN = 4.0
 """Times the largest change of slope between other rows that the step from the last row to the first may make."""
 WHOLE = 0.02
 """Share of a turn within which a table covers a whole one, a part of it, or degrees that are radians."""
+MOST_LOBES = 12
+"""Equal lobes that a part of a turn is taken for at most: 1/36 of one is a sector, or tenths of a degree."""
 COARSE = 0.2
 """Share of the stroke between two rows beyond which the lift between them is a guess, as of a pressure curve: a flank
 of five points."""
@@ -243,7 +245,7 @@ def _part_of_turn(turns: float) -> str:
     if abs(turns / DEGREE - 1.0) < WHOLE:
         return "; they look like radians: say so in the column's name, such as cam_angle_rad"
     lobes = round(1.0 / turns)
-    if lobes > 1 and abs(turns * lobes - 1.0) < WHOLE:
+    if 1 < lobes <= MOST_LOBES and abs(turns * lobes - 1.0) < WHOLE:
         return f"; where the cam has {lobes} equal lobes, write the rows of the first again for each"
     return ""
 
