@@ -123,6 +123,7 @@ def recording_from_arrays(
         *notes,
         *chamber_findings(of_recording),
         *(_assumed(channel) for channel in channels if channel.quantity not in sensors and channel.calibration),
+        *(finding for channel in channels for finding in _left_open(channel, sensors.get(channel.quantity))),
     )
     recording = Recording(of_recording, channels, _table(config), (), findings)
     return replace(recording, findings=(*findings, *check_loads(recording)))
@@ -207,6 +208,25 @@ def _assumed(channel: Channel) -> Finding:
         f"sensors={{{channel.quantity!r}: Sensor(...)}}"
     )
     return Finding("sensor_assumed", "warning", text, channel.name)
+
+
+def _left_open(channel: Channel, sensor: Sensor | None) -> list[Finding]:
+    """Return a warning on each thing that acts in the fit and that a sensor was given without."""
+    if sensor is None or channel.calibration is None:
+        return []
+    open_to = {}
+    if sensor.delay is None:
+        open_to["delay", "delay"] = f"{1e3 * channel.calibration.delay:.3g} ms ± 100 %"
+    if channel.quantity == "torque" and np.isnan(sensor.cutoff_hz):
+        open_to["low-pass", "cutoff_hz"] = "1 kHz ± 100 %"
+    return [
+        Finding(
+            f"{what.replace('-', '_')}_assumed", "warning",
+            f"nothing states the {what} of the {channel.quantity} sensor; {value} is assumed, give {key} in its Sensor",
+            channel.name,
+        )
+        for (what, key), value in open_to.items()
+    ]  # fmt: skip
 
 
 def _config(

@@ -75,6 +75,19 @@ def test_a_delay_that_nobody_states_is_no_shorter_than_the_low_pass(
     assert (sheet.delay, sheet.delay_std) == pytest.approx((delay, delay / np.sqrt(3.0)), rel=1e-3)
 
 
+def test_what_a_sensor_of_arrays_leaves_open_is_told(pump_file: Path, arrays: dict[str, np.ndarray]) -> None:
+    def told(**known: float) -> list[str]:
+        found = recording(pump_file, arrays, sensors={**KNOWN, "torque": camtorque.Sensor(**known)})
+        return [row.text for row in found.findings if row.code in ("low_pass_assumed", "delay_assumed")]
+
+    delay, low_pass = told()
+    assert delay == "nothing states the delay of the torque sensor; 0.5 ms ± 100 % is assumed, give delay in its Sensor"
+    assert low_pass.startswith(
+        "nothing states the low-pass of the torque sensor; 1 kHz ± 100 % is assumed, give cutoff_hz"
+    )
+    assert told(delay=4.5e-4, cutoff_hz=1e3) == []
+
+
 def test_a_sensor_of_arrays_says_that_it_sits_in_the_chamber(pump_file: Path, arrays: dict[str, np.ndarray]) -> None:
     inside = replace(KNOWN["pressure"], location="plunger chamber")
     found = recording(pump_file, arrays, sensors={**KNOWN, "pressure": inside})
