@@ -124,6 +124,8 @@ def test_a_known_fuel_is_known_better():
     named = modulus_prior("V-Oil 7", ZERO + 40.0)
     assert named[1] > 2.0 * any_fuel[1]
     assert named[2] == "V-Oil 7, of which nothing is known, at 40 degC"
+    for other in ("DOT 4 glycol ether", "polyglycol", "polyalkylene glycol"):  # without the water
+        assert modulus_prior(other, ZERO + 40.0)[:2] == named[:2]
     slope = (modulus_prior("diesel", ZERO + 41.0)[0] - diesel[0]) / 1.0
     assert slope == pytest.approx(MODULUS_PER_KELVIN, rel=0.01)
 
@@ -279,6 +281,7 @@ def test_a_shaft_is_expected_to_be_made_for_its_torque():
     ("EN 590 with 6,5 % FAME", "winter diesel (kerosene 30 %)", 1.28e9, 1.38e9), ("RMG 380", "Schweroel", 1.9e9, 2.2e9),
     ("test oil, jet at 40 bar", "No. 2 diesel free of FAME", 1.28e9, 1.38e9),
     ("dimethyl ether", "DME", 0.4e9, 0.6e9), ("water glycol", "50 % ethylene glycol", 2.6e9, 3.1e9),
+    ("40 % glycol in water", "water, glycol 45 %", 2.6e9, 3.1e9), ("2 % glycol in water", "water", 2.2e9, 2.4e9),
     ("demineralised water", "water", 2.2e9, 2.4e9), ("water-free ethanol", "alcohol", 0.8e9, 0.95e9),
     ("M85", "100 % ethanol", 0.8e9, 0.95e9), ("diesel of 87.5 % kerosene", "jet A1", 1.1e9, 1.3e9),
 ])  # fmt: skip

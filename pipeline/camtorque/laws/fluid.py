@@ -48,11 +48,12 @@ UNKNOWN_WARMTH = 15.0
 WARMTH_STD = 3.0
 """How far the fuel in the chamber is from the inlet [K]."""
 MINOR = re.compile(
-    r"\w+-free\b|\bfree of \w+|\b(no|non|without)[- ]\w+|(?<![\d.,])[1-4]?\d([.,]\d+)?\s?%\s(of\s)?\w+"
-    r"|\w+\s[1-4]?\d([.,]\d+)?\s?%\s*(?=$|[,;)])",
+    r"\w+-free\b|\bfree of \w+|\b(no|non|without)[- ]\w+"
+    r"|(?<![\d.,])(?![34]\d([.,]\d+)?\s?%\s(of\s)?gly[ck]ol)[1-4]?\d([.,]\d+)?\s?%\s(of\s)?\w+"
+    r"|\b(?!gly[ck]ol\s[34]\d)\w+\s[1-4]?\d([.,]\d+)?\s?%\s*(?=$|[,;)])",
     re.IGNORECASE,
 )
-"""What a name says is not in a fuel, or less than half of it."""
+"""What a name says is not in a fuel, or less than half of it; a third of glycol makes its water as stiff as more."""
 HEAVY = "heavy fuel"
 KINDS: dict[str, tuple[float, float, str]] = {
     "dimethyl ether": (0.50e9, 0.08e9, r"dimethyl.?ether|\bdme\b"),
@@ -65,7 +66,7 @@ KINDS: dict[str, tuple[float, float, str]] = {
     "marine distillate": (1.47e9, 0.13e9, r"marine|\b(mgo|mdo|dm[abxz])\b"),
     "paraffinic diesel": (1.25e9, 0.09e9, r"\b(hvo|gtl)|paraffinic|en.?15940"),
     "urea solution": (2.70e9, 0.20e9, r"urea|adblue|\baus.?32"),
-    "glycol in water": (2.90e9, 0.25e9, r"glycol|glykol"),
+    "glycol in water": (2.90e9, 0.25e9, r"(?<!poly)(?<!alkylene )(?<!alkylene)gly[ck]ol(?!.?ether)"),
     "diesel": (1.33e9, 0.10e9,
                r"diesel|gas.?oil|gasöl|iso.?4113|en.?590|test.?oil|calibration|normafluid|prüföl"),
     "water": (2.30e9, 0.20e9, r"\bwater\b|\bwasser\b|emulsion"),
