@@ -482,6 +482,18 @@ def test_recordings_that_the_others_predict_badly_are_told(campaign):
     assert "(nothing of it fitted, at most 1 %)" in told.text
 
 
+def test_a_trigger_of_its_own_is_no_error_of_what_a_run_is_predicted_with(campaign):
+    """Blind, a recording is off by as much as its trigger is mounted: 2.4 to 4.6 % of the peak within 1.5 degrees."""
+    own, blind = (replace(row, metrics=replace(row.metrics, rms_percent_of_peak=2.5)) for row in campaign.held_out[:2])
+    assert (own.mode, blind.mode) == MODES
+    turned = replace(own, fitted_on_held_out=(*own.fitted_on_held_out, "trigger_offset"))
+    (told,) = poor_findings([turned, blind])
+    assert "(own zero, trigger angle and end of delivery fitted, at most 0.3 %); a run" in told.text
+    assert "nothing of it fitted" not in told.text
+    (both,) = poor_findings([own, blind])
+    assert "(nothing of it fitted" in both.text
+
+
 def test_a_prediction_says_how_far_its_highest_torque_is_off():
     error = Metrics(2.0, 5.0, 0.0, -16.0, -20.0, -20.0, 0.3)
     assert error.peak_excess_percent == pytest.approx(40.0)

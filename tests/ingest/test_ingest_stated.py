@@ -51,7 +51,8 @@ def test_other_triggers_are_told_once_and_not_as_a_change_of_the_pump(recording:
     (finding,) = difference_findings(differences({"A": same, "B": other, "C": same}))
     assert (finding.code, finding.where) == ("triggers_differ", "[trigger]")
     assert "nominal_angle_deg is 0 in B, 20 in the others; [trigger] pulses_per_rev is 60 in B" in finding.text
-    assert finding.text.endswith("its own error of the trigger's angle in the joint fit; correct a wrong one")
+    assert "each recording has its own error of the trigger's angle in the joint fit, which is fitted" in finding.text
+    assert finding.text.endswith("and taken as none in a blind prediction; correct a wrong one")
     assert other_triggers([same, other])
     assert not other_triggers([same, same])
 

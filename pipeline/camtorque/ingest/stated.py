@@ -105,7 +105,10 @@ def difference_findings(found: Mapping[str, str]) -> tuple[Finding, ...]:
 
 def triggers_findings(text: str) -> tuple[Finding, ...]:
     """Return a warning on triggers that are declared differently, in words; none where they are not."""
-    said = f"{text}: each recording has its own error of the trigger's angle in the joint fit; correct a wrong one"
+    said = (
+        f"{text}: each recording has its own error of the trigger's angle in the joint fit, which is fitted where a "
+        "recording is predicted from the others, and taken as none in a blind prediction; correct a wrong one"
+    )
     return (Finding("triggers_differ", "warning", said, TRIGGER),) if text else ()
 
 
