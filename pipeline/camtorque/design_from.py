@@ -23,7 +23,7 @@ from camtorque.fit.forecast import Forecast
 from camtorque.fit.known_ends import Curve
 from camtorque.fit.known_fit import FittedAt, KnownFit, LoadKnowledge
 from camtorque.ingest.cam_table import read_cam_table
-from camtorque.mechanism.cam import CamLaw
+from camtorque.mechanism.cam import CamLaw, stroke_count
 from camtorque.mechanism.lift_laws import lift_law
 from camtorque.predict_from import friction_of, with_forces
 from camtorque.process.threads import on_one_thread
@@ -62,10 +62,12 @@ def fitted_pump(fit: FinishedFit) -> FittedPump:
 
     Raises
     ------
-    Refusal : the sheets of its recordings are gone
+    Refusal : the sheets of its recordings are gone; its cam has several lobes
     """
     known, reports = fit.known, fit.reports
     first = reports[known.recordings[0].id]
+    law = lift_law(rig_of(first).table)
+    _refuse_lobes(fit.folder, law)
 
     def stroke(name: str, speed: float) -> FittedStroke:
         source = _source(fit, name, speed)
@@ -80,9 +82,19 @@ def fitted_pump(fit: FinishedFit) -> FittedPump:
 
     return FittedPump(
         path=fit.folder, pump_id=str(read_result(first / "result.json")["recording"].get("pump", "")),
-        friction=friction_of(known, known.recordings[0]), law=lift_law(rig_of(first).table),
+        friction=friction_of(known, known.recordings[0]), law=law,
         recordings=tuple(item.id for item in known.recordings), stroke=stroke,
     )  # fmt: skip
+
+
+def _refuse_lobes(folder: Path, law: CamLaw) -> None:
+    """Refuse a cam of several lobes: the loads of the others would act on the base circle of the one of a design."""
+    lobes = stroke_count(law.evaluate(np.arange(FINE) * TURN / FINE))
+    if lobes > 1:
+        raise Refusal(
+            f"{folder}: found the fit of a cam of {lobes} lobes, expected one lobe, as a design has; leave --from out "
+            "and give the load of one stroke by pressure_bar, closes_mm and spills_mm"
+        )
 
 
 def _run(

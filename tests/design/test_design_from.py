@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import h5py
 import numpy as np
 import pytest
+from camtorque import design_from
 from camtorque.commands.design import fitted_lines
 from camtorque.design import read_task
 from camtorque.design_from import as_fitted, carried_angles, carried_pressure, fitted_pump, read_known, stroke_angles
@@ -79,6 +80,15 @@ def test_line_pressure_stays_with_the_stroke() -> None:
 def test_a_cam_without_rest_is_refused() -> None:
     with pytest.raises(Refusal, match="no rest on the base circle"):
         stroke_angles(SimpleNamespace(evaluate=lambda theta: 2.0 + np.cos(theta)), np.array([1.0]))  # type: ignore[arg-type]
+
+
+def test_the_fit_of_a_cam_of_several_lobes_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The line pressure of its other lobes lay on the base circle of the design."""
+    law = law_of()
+    twice = SimpleNamespace(evaluate=lambda theta: law.evaluate(theta) + law.evaluate(theta - np.pi))
+    monkeypatch.setattr(design_from, "lift_law", lambda table: twice)
+    with pytest.raises(Refusal, match="found the fit of a cam of 2 lobes, expected one lobe, as a design has; leave"):
+        fitted_pump(read_known(known_fit(tmp_path)))
 
 
 def test_the_fitted_chamber_is_the_load_and_the_same_cam_gives_the_same_answer(
