@@ -25,11 +25,12 @@ from camtorque.ingest.pump_sizes import check_pump
 from camtorque.ingest.sheet import read_sheet
 from camtorque.laws import ROWS
 from camtorque.laws.chain import ChainInput
+from camtorque.mechanism.cam import stroke_count
 from camtorque.mechanism.lift_laws import spectral_law
 from camtorque.records import DEVIATION, LEAD, CamTable, Finding, Refusal
 from camtorque.report.fit_file import NAME, SCHEMA, known_covariance, known_lift, known_shown
 from camtorque.results import CAMPAIGN, read_document, read_result, recording_of, refuse_changed, report_named
-from camtorque.units import RPM, angle_grid
+from camtorque.units import RPM, angle_grid, counted
 from camtorque.version import __version__
 
 CYCLES = "cycles.h5"
@@ -216,15 +217,28 @@ def refuse_load_of_another_pump(path: Path, rigs: Sequence[Rig]) -> None:
     known = [_sizes(rig.pump, rig.table) for rig in rigs]
     if any(np.allclose(other, sizes, rtol=SAME_SIZE) for sizes in known):
         return
-    (bore, stroke), (own_bore, own_stroke) = other, known[0]
+    (bore, stroke, lobes), (own_bore, own_stroke, own_lobes) = other, known[0]
+    many, own_many = (f", {n} a revolution" if lobes != own_lobes else "" for n in (lobes, own_lobes))
     raise Refusal(
         f"--load-of {path}: found the load of a pump with a plunger of {1e3 * bore:.4g} mm and a stroke of "
-        f"{1e3 * stroke:.4g} mm, expected {1e3 * own_bore:.4g} mm and {1e3 * own_stroke:.4g} mm as the fitted one: "
+        f"{1e3 * stroke:.4g} mm{many}, expected {1e3 * own_bore:.4g} mm and {1e3 * own_stroke:.4g} mm{own_many} as the "
+        "fitted one: "
         "another pump makes another line pressure; name a recording of this pump, the other pump with --pump and "
         "--cam, or give the pressure as a file with --pressure"
     )
 
 
-def _sizes(pump: PumpData, table: CamTable) -> tuple[float, float]:
-    """Return the diameter of the plunger and its stroke [m]."""
-    return pump.plunger_diameter, float(np.ptp(table.lift))
+def refuse_other_lobes(fitted: Rig, asked: Rig, path: Path) -> None:
+    """Refuse a cam of more or fewer lobes than the fitted one under the line pressure of that."""
+    lobes, own = stroke_count(asked.table.lift), stroke_count(fitted.table.lift)
+    if lobes != own:
+        raise Refusal(
+            f"{path}: found a cam of {counted(lobes, 'lobe', 'lobes')}, expected {own} as the fitted one: the line "
+            "pressure of the fitted recording has as many strokes a revolution; give the load of the other pump with "
+            "--load-of or --pressure"
+        )
+
+
+def _sizes(pump: PumpData, table: CamTable) -> tuple[float, float, int]:
+    """Return the diameter of the plunger, its stroke [m], and strokes a revolution."""
+    return pump.plunger_diameter, float(np.ptp(table.lift)), stroke_count(table.lift)

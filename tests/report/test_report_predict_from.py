@@ -25,6 +25,7 @@ from camtorque.finished_fit import (
     read_fit,
     refuse_load_of_another_place,
     refuse_load_of_another_pump,
+    refuse_other_lobes,
     rig_of,
 )
 from camtorque.fit import endings as endings_module
@@ -686,6 +687,21 @@ def test_a_cam_that_is_not_used_may_have_changed(tmp_path: Path) -> None:
     for named in (report, report / "result.json"):
         with pytest.raises(Refusal, match="other content in"):
             refuse_load_of_another_pump(named, [])
+
+
+def test_a_cam_of_other_lobes_does_not_run_under_the_load_of_the_fitted_one(tmp_path: Path) -> None:
+    """One lobe under the line pressure of three strokes came out with 3e13 N m."""
+    report, _ = copied_report(tmp_path)
+    angles = np.arange(0.0, 360.0)
+    lift = 8.0 * np.sin(np.radians(angles)) ** 2  # the stroke of the fitted one, twice
+    cam = tmp_path / "two.csv"
+    cam.write_text("cam_angle_deg,lift_mm\n" + "".join(f"{a:g},{y:.4f}\n" for a, y in zip(angles, lift, strict=True)))
+    rig, other = rig_of(report), rig_of(report, None, cam)
+    refuse_other_lobes(rig, rig, cam)
+    with pytest.raises(Refusal, match=r"two\.csv: found a cam of 2 lobes, expected 1 as the fitted one"):
+        refuse_other_lobes(rig, other, cam)
+    with pytest.raises(Refusal, match="mm, 1 a revolution, expected 8 mm and 8 mm, 2 a revolution as the"):
+        refuse_load_of_another_pump(BENCH, [other])
 
 
 def test_a_load_of_the_line_is_none_of_a_fit_in_the_chamber(tmp_path: Path) -> None:
