@@ -41,8 +41,11 @@ def test_page_says_what_the_model_found(prediction):
     assert "The follower leaves the cam at" in page
     assert "<small><code>contact_lost</code></small></td><td>3000 rpm</td>" in page
     assert '<th scope="row">Hertz pressure, largest [GPa]</th><td class="n">2.143</td>' in page
+    several = prediction_page(replace(prediction, on_shaft=2), "pumps")
     for heading in ("Torque of the first pump by cause", "Forces of the first pump", "Hertz pressure of the first"):
-        assert heading in page
+        assert heading in several
+        assert heading not in page
+    assert "Torque by cause, at the last speed" in page
     assert '<th scope="row">contact lost</th><td class="n">no</td><td class="n">yes</td>' in page
 
 

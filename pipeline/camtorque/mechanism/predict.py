@@ -55,6 +55,7 @@ class Prediction(ReadOnly):
     roller : as given or assumed
     findings : everything odd about pump file and pressure curve
     friction : of the pump file
+    on_shaft : how many pumps the shaft drives
     """
 
     theta: Array
@@ -69,6 +70,7 @@ class Prediction(ReadOnly):
     roller: Roller
     findings: tuple[Finding, ...]
     friction: Friction = NO_FRICTION
+    on_shaft: int = 1
 
     def __repr__(self) -> str:
         speeds = ", ".join(f"{speed * 30.0 / np.pi:.4g}" for speed in self.speeds)
@@ -169,7 +171,7 @@ def predict(
         theta=theta, pressure=own, speeds=speed, pumps=pumps, shaft_torque=np.stack(torque),
         kinematics=tables.kinematics, jump=tables.jump(own), jump_without_pressure=tables.jump(),
         flat_pressure_angles=flat_pressure_angle(config.pump, law, config.rotation), roller=roller, findings=findings,
-        friction=friction,
+        friction=friction, on_shaft=len(units),
     )  # fmt: skip
 
 

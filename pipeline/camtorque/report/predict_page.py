@@ -81,11 +81,11 @@ def _panels(prediction: Prediction) -> dict[str, tuple[Panel, ...]]:
 FIGURES: dict[str, tuple[str, bool]] = {
     "torque": ("Drive torque", True),
     "cam": ("Cam and load", True),
-    "causes": ("Torque of the first pump by cause, at the last speed", False),
-    "forces": ("Forces of the first pump, at the last speed", False),
-    "hertz": ("Hertz pressure of the first pump", True),
+    "causes": ("Torque{of} by cause, at the last speed", False),
+    "forces": ("Forces{of}, at the last speed", False),
+    "hertz": ("Hertz pressure{of}", True),
 }
-"""Name -> title, whether it is wide."""
+"""Name -> title, whether it is wide; ``of`` says whose it is where there are several pumps."""
 
 
 def chart_of(name: str, prediction: Prediction) -> Curves:
@@ -125,8 +125,10 @@ def peak_text(rows: Sequence[Mapping[str, Any]]) -> str:
 def prediction_page(prediction: Prediction, title: str) -> str:
     """Return the page as HTML."""
     rows = sweep_rows(prediction)
+    of = " of the first pump" if prediction.on_shaft > 1 else ""
     drawings = [
-        drawing_of(name, chart_of(name, prediction), heading, wide=wide) for name, (heading, wide) in FIGURES.items()
+        drawing_of(name, chart_of(name, prediction), heading.format(of=of), wide=wide)
+        for name, (heading, wide) in FIGURES.items()
     ]
     steep, back = (value / DEGREE for value in prediction.flat_pressure_angles)
     return render(
