@@ -254,6 +254,22 @@ def test_a_shared_parameter_that_acts_by_its_logarithm_is_shown_as_it_is() -> No
     assert '0.002 ×/÷ 3.7</td><td class="n">–</td>' in page
 
 
+def test_triggers_that_are_declared_differently_stand_on_the_page_each() -> None:
+    view = many(3)
+    joint = joint_of(view)
+    own = replace(run_result().fitted.parameters[0], name="trigger_offset__one", value=1.0449, stderr=0.168, unit="deg")
+    rows = tuple(entry(name, result_document(run_result())) for name in view.names)
+    for parameters, shown in (((), False), ((own,), True)):
+        fitted = tuple(replace(one, parameters=parameters) for one in joint.fitted)
+        shared = (run_result().fitted.parameters[0],)
+        found = replace(joint, fitted=fitted, shared_parameters=shared, drifts=joint.drifts[:1])
+        doc = campaign_document(CampaignResult(rows, found, (), {}, ""))
+        assert [row["trigger_offset_joint"] is not None for row in doc["recordings"]] == [shown] * 3
+        page = campaign_page(doc, view, ())
+        assert ("Trigger of each recording" in page) == shown
+        assert page.count('<td class="n">1.045</td><td class="n">0.168</td>') == 3 * shown
+
+
 def test_a_thousand_recordings_fit_into_three_megabytes() -> None:
     page = page_of_many(1000)
     assert len(page.encode()) <= 3_000_000

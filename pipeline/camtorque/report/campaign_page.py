@@ -13,6 +13,8 @@ from markupsafe import Markup
 from camtorque.fit.drift import Drift
 from camtorque.fit.joint_fit import JointRecording
 from camtorque.fit.leftout import MODES, PREDICTED_BADLY, error_text, is_poor
+from camtorque.fit.problem import SEPARATOR
+from camtorque.fit.valleys import TRIGGER_ANGLE
 from camtorque.jsonable import jsonable
 from camtorque.records import KNOWLEDGE
 from camtorque.report.answer import known_text, needs
@@ -91,11 +93,14 @@ def _entry(entry: CampaignEntry, fitted: JointRecording | None) -> Mapping[str, 
     row: dict[str, Any] = {
         "name": entry.name, "id": entry.id or None, "status": entry.status, "error": entry.error or None,
         "folder": entry.folder or None, "speed_rpm": None, "metrics": None, "metrics_joint": None,
-        "explained_joint": None, "verdict": None, **dict.fromkeys((*OF_RECORDING, *OF_RESULT)), **entry.summary,
+        "explained_joint": None, "trigger_offset_joint": None, "verdict": None,
+        **dict.fromkeys((*OF_RECORDING, *OF_RESULT)), **entry.summary,
     }  # fmt: skip
     if fitted is not None and entry.status == "ok":
         row["metrics_joint"] = {name: asdict(fitted.metrics[name]) for name in JOINT_METRICS}
         row["explained_joint"] = fitted.explained
+        triggers = tuple(own for own in fitted.parameters if own.name.partition(SEPARATOR)[0] == TRIGGER_ANGLE)
+        row["trigger_offset_joint"] = next(iter(parameters_document(triggers).values()), None)
     return row
 
 
