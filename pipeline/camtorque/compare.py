@@ -13,7 +13,7 @@ from camtorque.align import align
 from camtorque.config.recording import load_recording_config
 from camtorque.config.schemas import RECORDING_FILE
 from camtorque.fit.changes import Attribution, attribution
-from camtorque.fit.pair import SAME_SPEED, TwoRecordings, best_pair, peak_ratio
+from camtorque.fit.pair import SAME_SPEED, TwoRecordings, best_pair
 from camtorque.fit.prepare import MeanCycles, at_cam_angles, mean_cycles
 from camtorque.fit.single import Prepared, prepare
 from camtorque.fit.valleys import NO_VALLEY
@@ -210,7 +210,7 @@ def compare_document(
         "inflation": {"mean": [item.found.inflation[0] for item in compared],
                       "difference": [item.found.inflation[1] for item in compared]},
         "parameters": _rows(parameters), "losses": _rows(losses), "sheets_differ": _sheets(compared),
-        "findings": _loud(compared), "pressure_peak_ratio": [peak_ratio(c.before, c.after) for c in compared],
+        "findings": _loud(compared), "pressure_peak_ratio": [item.pair.pressure_ratio for item in compared],
         "torque": {
             "rms_difference_nm": float(np.sqrt(np.mean(np.concatenate(apart) ** 2))),
             "max_difference_nm": float(np.max(np.abs(np.concatenate(apart)))),

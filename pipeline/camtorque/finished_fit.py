@@ -222,9 +222,8 @@ def refuse_load_of_another_pump(path: Path, rigs: Sequence[Rig]) -> None:
     raise Refusal(
         f"--load-of {path}: found the load of a pump with a plunger of {1e3 * bore:.4g} mm and a stroke of "
         f"{1e3 * stroke:.4g} mm{many}, expected {1e3 * own_bore:.4g} mm and {1e3 * own_stroke:.4g} mm{own_many} as the "
-        "fitted one: "
-        "another pump makes another line pressure; name a recording of this pump, the other pump with --pump and "
-        "--cam, or give the pressure as a file with --pressure"
+        "fitted one: another pump makes another line pressure; name a recording of this pump, the other pump with "
+        "--pump and --cam, or give the pressure as a file with --pressure"
     )
 
 

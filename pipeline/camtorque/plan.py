@@ -137,12 +137,9 @@ def _loads(known: KnownFit) -> list[FittedAt]:
 def points_of(known: KnownFit, item: FittedAt, rig: Rig, report: Path, speeds: Sequence[float]) -> list[OperatingPoint]:
     """Return the load of a fitted recording at some speeds [rad/s]."""
     curve, measuring = curve_of(report, item.speed), measuring_of(report)
-    points = []
-    for speed in speeds:
-        chain = chain_of(rig, speed, curve, item.structure)
-        basis = lift_basis(rig.table, chain.law, chain.theta)
-        points.append(operating_point(known, chain, item, item.id, measuring, basis))
-    return points
+    chains = [chain_of(rig, speed, curve, item.structure) for speed in speeds]
+    basis = lift_basis(rig.table, chains[0].law, chains[0].theta)
+    return [operating_point(known, chain, item, item.id, measuring, basis) for chain in chains]
 
 
 def recorded_seconds(report: Path) -> float:

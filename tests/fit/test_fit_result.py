@@ -188,9 +188,9 @@ def test_another_speed_is_weighed_as_one_of_two(fit):
     """The error of laws and lift table is the same in both: half of the recording's own weight beside the other."""
     titled = [matrix for title, matrix in proposals(fit) if "rpm" in title]
     single, names = np.sqrt(np.diag(fit.covariance.matrix)), fit.problem.names
-    again, _ = planning._joined(fit, 1.0)
+    again = planning._one_of_two(fit, 1.0) + np.diag(1.0 / fit.covariance.prior_std**2)
     assert np.all(np.diag(again) < np.diag(planning.inverse(fit.covariance.matrix)) * (1.0 + 1e-6))
-    twice = np.sqrt(np.diag(planning.inverse(planning._joined(fit, 1.0)[1])))
+    twice = np.sqrt(np.diag(planning.inverse(planning._joined(fit, again, 1.0))))
     shaft = names.index("shaft_compliance")
     assert twice[shaft] > 0.85 * single[shaft], "the same run again tells nothing beyond its noise"
     assert min(np.sqrt(matrix[shaft, shaft]) for matrix in titled) < twice[shaft]

@@ -98,6 +98,12 @@ class TwoRecordings(ReadOnly):
         return {name: float(wide[name]) for name in self.names if name in OWN_NAMES and wide[name] > 0.0}
 
     @property
+    def pressure_ratio(self) -> float:
+        """Highest mean pressure after over that before, by which two loads are told apart."""
+        before, after = (float(np.max(item.chain.line_pressure)) for item in self.items)
+        return after / before
+
+    @property
     def start_error(self) -> float:
         """Standard error of the starts of both recordings' files of one channel against each other [s]."""
         apart = [any(clock.method == COMMON_TIME_BASE for clock in cycles.clocks) for cycles in self.cycles]
@@ -161,14 +167,9 @@ def pair_of(before: Prepared, after: Prepared, start: Candidate) -> TwoRecording
     return TwoRecordings(items, (before.cycles, after.cycles), names, fixed, none, none, 0.0)  # type: ignore[arg-type]
 
 
-def has_other_load(before: float, after: float) -> bool:
-    """Return whether two highest pressures are those of two loads."""
-    return bool(abs(np.log(after / before)) > OTHER_LOAD)
-
-
-def peak_ratio(before: Prepared, after: Prepared) -> float:
-    """Return the highest mean pressure after over that before, by which two loads are told apart."""
-    return float(np.max(after.means.pressure_all) / np.max(before.means.pressure_all))
+def has_other_load(ratio: float) -> bool:
+    """Return whether the highest pressure after over that before is that of two loads."""
+    return bool(abs(np.log(ratio)) > OTHER_LOAD)
 
 
 def at_angle(values: Array, angle: float) -> Array:
@@ -218,7 +219,7 @@ def _difference_weights(pair: TwoRecordings, values: Mapping[str, float], noise:
     known = noise + shift_covariance(pair, values)
     peak = float(np.max(np.abs(item.torque)))
     size = mean_square_about(left, RESIDUAL_REACH)
-    share = 1.0 if has_other_load(*(np.max(one.chain.line_pressure) for one in pair.items)) else RESIDUAL_SHARE
+    share = 1.0 if has_other_load(pair.pressure_ratio) else RESIDUAL_SHARE
     error = (UNCOMMON * item.torque) ** 2 + (UNCOMMON_FLOOR * peak) ** 2 + share**2 * size
     weighed = known + np.diag(error * BINS / INDEPENDENT)
     # what the laws do not share is correlated over an unknown angle: each bin is weighed as if it were less sure than

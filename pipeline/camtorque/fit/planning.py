@@ -82,9 +82,10 @@ def proposals(fit: Fit) -> list[tuple[str, Array]]:
     turned = tooth_shifts(fit.problem.data[0].chain, fit.solution.output)
     row = np.array([turned.get(parameter.row.name, 0.0) for parameter in fit.problem.parameters])
     result = [(TOOTH, inverse(information + np.outer(row, row) / PLACE_STD**2))]
+    alone = _one_of_two(fit, 1.0) + np.diag(1.0 / fit.covariance.prior_std**2)
     for factor in SPEED_FACTORS:
         rpm = fit.problem.data[0].chain.speed * factor * 30.0 / np.pi
-        alone, total = _joined(fit, factor)
+        total = _joined(fit, alone, factor)
         # a run takes no knowledge away: where it does, a tangent ran away there and the sums are rounding
         if np.all(np.diag(total) > (1.0 - ROUNDING) * np.diag(alone)):
             result.append((f"the same load at {rpm:.0f} rpm, fitted jointly,", inverse(total)))
@@ -101,20 +102,19 @@ def tooth_shifts(chain: ChainInput, output: ChainOutput) -> dict[str, float]:
     }
 
 
-def _joined(fit: Fit, factor: float) -> tuple[Array, Array]:
-    """Return the information before and after a further recording at another speed, its own parameters apart.
+def _joined(fit: Fit, alone: Array, factor: float) -> Array:
+    """Return the information after a further recording at another speed, its own parameters apart.
 
-    Both are weighed as one of two: the error of laws and lift table is the same in them.
+    Both are weighed as one of two: the error of laws and lift table is the same in them. ``alone``: before it.
     """
-    before = fit.covariance.prior_std
-    alone, added = _one_of_two(fit, 1.0) + np.diag(1.0 / before**2), _one_of_two(fit, factor)
+    before, added = fit.covariance.prior_std, _one_of_two(fit, factor)
     own = np.array([parameter.row.role == "own" for parameter in fit.problem.parameters])
     block = added[np.ix_(own, own)] + np.diag(1.0 / before[own] ** 2)
     shared = np.ix_(~own, ~own)
     cross = added[np.ix_(~own, own)]
     total = alone.copy()
     total[shared] += added[shared] - cross @ np.linalg.solve(block, cross.T)
-    return alone, total
+    return total
 
 
 def _one_of_two(fit: Fit, factor: float) -> Array:

@@ -143,7 +143,7 @@ def compare_cautions(document: Mapping[str, Any]) -> tuple[str, ...]:
             "same line pressure: no pump changes so; check the torque transducer, its range and its certificate first."
         )
     far = max(document.get("pressure_peak_ratio", ()), key=lambda value: abs(np.log(value)), default=1.0)
-    if has_other_load(1.0, far):
+    if has_other_load(far):
         found.append(
             f"The highest pressure after is {significant(far, 4)} times that before: another load, or a pump that "
             "makes another pressure. What the laws get wrong cancels at one load only, and changes that it may stand "
