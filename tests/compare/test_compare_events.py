@@ -76,6 +76,15 @@ def test_a_tooth_in_another_place_is_no_event() -> None:
     assert found.unchanged > 0.5
 
 
+def test_a_trigger_that_is_declared_otherwise_is_off_by_something_else_and_no_event() -> None:
+    """An encoder in the place of a tooth, 0.8 degrees from it: its own mounting tells nothing of a change."""
+    pair = made_pair({"trigger_offset": 0.8 * DEGREE})
+    assert attribution(pair)[0].best == ("trigger",)
+    found, _ = attribution(replace(pair, other_trigger=True))
+    assert found.unchanged > 0.5
+    assert found.moved("trigger_offset") == 0.0
+
+
 @pytest.mark.parametrize(("load", "share"), [(1.0, RESIDUAL_SHARE), (1.01, RESIDUAL_SHARE), (1.03, 1.0), (0.97, 1.0)])
 def test_what_the_laws_leave_is_another_one_at_another_load(load: float, share: float) -> None:
     pair, noise = made_pair({}), 1e-4 * np.eye(BINS)

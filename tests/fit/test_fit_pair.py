@@ -68,6 +68,18 @@ def test_each_recording_of_a_pair_has_the_zero_that_its_own_sheet_leaves_open() 
         assert pair.own["torque_zero"] == pytest.approx(1.2, rel=0.1)
 
 
+def test_triggers_of_two_kinds_are_each_off_by_what_their_own_sheet_allows() -> None:
+    """A pump recorded by a counter and then by a tooth was told to leak more, at 94 %."""
+    prepared = quick_prepared(*KEY)
+    recording, start = prepared.recording, prepared.candidates[0]
+    trigger = replace(recording.config.trigger, pulses_per_rev=360, installation_tolerance=2.0 * DEGREE)
+    other = replace(recording, config=replace(recording.config, trigger=trigger))
+    same, apart = pair_of(prepared, prepared, start), pair_of(prepared, replace(prepared, recording=other), start)
+    mounted = [recording.config.trigger.installation_tolerance, 2.0 * DEGREE]
+    assert same.own["trigger_offset"] < 0.02 * DEGREE
+    assert apart.own["trigger_offset"] == pytest.approx(np.hypot(*mounted) / np.sqrt(3.0))
+
+
 @pytest.mark.parametrize(("side", "order"), [("cam", 2), ("motor", 0)])
 def test_each_recording_of_a_pair_turns_as_its_own_wheel_measured(side: str, order: int) -> None:
     """After one pulse a turn the wheel of the second was dropped, and its true cam angle twisted once more."""

@@ -62,6 +62,14 @@ def test_cautions_stand_on_the_page(tmp_path: Path) -> None:
     assert "differs by 1.5\u00a0N\u00a0m RMS" in no_break(compare_answer(doc))
 
 
+def test_triggers_that_are_declared_differently_are_told_once_and_as_no_change() -> None:
+    sheets = ["[trigger] source is pulses in A, a recorded angle in B", "[trigger] edge is falling in A, rising in B"]
+    (caution,) = compare_cautions({**document(), "sheets_differ": sheets})
+    assert caution.startswith(f"{sheets[0]}; {sheets[1]}: each side has its own error of the trigger's angle")
+    _, pump = compare_cautions({**document(), "sheets_differ": ["[pump] a is 1 in A, 2 in B", *sheets]})[::-1]
+    assert "comes out as a change of the pump" in pump
+
+
 def test_another_load_is_told_as_one() -> None:
     """An unchanged pump at a load a tenth higher was told as changed, by probabilities of one in 1e15."""
     far = {**document(), "pressure_peak_ratio": [1.003, 0.974, 1.02]}

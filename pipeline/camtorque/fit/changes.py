@@ -241,7 +241,8 @@ def searched(
 
 def attribution(pair: TwoRecordings) -> tuple[Attribution, TwoRecordings]:
     """Return what changed, and the pair with the weights that were used."""
-    groups = tuple(name for name, names in CHANGES.items() if any(n in pair.names for n in names))
+    told = set(pair.names) - ({"trigger_offset"} if pair.other_trigger else set())  # that one tells of no event
+    groups = tuple(name for name, names in CHANGES.items() if told.intersection(names))
     values = np.array([pair.fixed[name] for name in pair.names])
     own = basis_of(pair, values, ())
     here = evaluated(pair, values, own, np.zeros(len(own.labels)))

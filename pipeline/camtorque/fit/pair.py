@@ -17,9 +17,10 @@ from camtorque.fit.minima import Candidate
 from camtorque.fit.prepare import INDEPENDENT, cam_swing, over_even_angle
 from camtorque.fit.problem import FitData
 from camtorque.fit.residual import mean_square_about
-from camtorque.fit.rig_rows import zero_rows
+from camtorque.fit.rig_rows import own_rows
 from camtorque.fit.single import Prepared
 from camtorque.fit.solver import lift_at
+from camtorque.ingest.stated import other_triggers, stated
 from camtorque.laws import ripple
 from camtorque.laws.chain import BINS, COLUMN_NAMES, binned, coefficients_of, derivative_by, evaluate
 from camtorque.laws.swing import Swing
@@ -74,6 +75,7 @@ class TwoRecordings(ReadOnly):
     fixed : values of the others
     mean_root, difference_root : (BINS, BINS) lower Cholesky factors of the covariances [N m]
     expected : chi-square of the difference that these covariances lead to expect where nothing is fitted
+    other_trigger : whether triggers are declared differently, so that nothing ties the angle of one to the other
     """
 
     items: tuple[FitData, FitData]
@@ -83,6 +85,7 @@ class TwoRecordings(ReadOnly):
     mean_root: Array
     difference_root: Array
     expected: float
+    other_trigger: bool = False
 
     @property
     def own(self) -> dict[str, float]:
@@ -93,7 +96,8 @@ class TwoRecordings(ReadOnly):
         edges = [np.nan_to_num(c.trigger_jitter_s) * c.mean_speed for c in self.cycles]
         start = self.start_error
         turned = np.hypot(EDGE_SHARE * np.hypot(*edges), start * self.cycles[0].mean_speed)
-        wide["trigger_offset"] = max(float(turned), LEAST_EDGE)
+        if not self.other_trigger:
+            wide["trigger_offset"] = max(float(turned), LEAST_EDGE)
         wide["delay_error"] = float(np.hypot(self.clock_error, start))
         return {name: float(wide[name]) for name in self.names if name in OWN_NAMES and wide[name] > 0.0}
 
@@ -163,8 +167,10 @@ def pair_of(before: Prepared, after: Prepared, start: Candidate) -> TwoRecording
     names = tuple(parameter.row.name for parameter in problem.parameters)
     values, coefficients = problem.values(start.solution.z, 0)
     fixed = {**values, **dict(zip(COLUMN_NAMES, coefficients, strict=True))}
-    none = np.eye(BINS)
-    return TwoRecordings(items, (before.cycles, after.cycles), names, fixed, none, none, 0.0)  # type: ignore[arg-type]
+    none, other = np.eye(BINS), other_triggers(stated(side.recording) for side in (before, after))
+    return TwoRecordings(
+        items, (before.cycles, after.cycles), names, fixed, none, none, 0.0, other,  # type: ignore[arg-type]
+    )  # fmt: skip
 
 
 def has_other_load(ratio: float) -> bool:
@@ -246,7 +252,7 @@ def _item(side: Prepared, data: FitData, lost: Array) -> FitData:
         data.chain, speed=cycles.mean_speed, line_pressure=pressure, shaft_torque=torque + lost, swing=swing,
         trigger_angle=side.recording.config.trigger.nominal_angle,
     )  # fmt: skip
-    rows = {**data.rows, **zero_rows(side.recording, cycles)}
+    rows = {**data.rows, **own_rows(side.recording, cycles)}
     return replace(data, name=side.recording.config.id, chain=chain, torque=binned(torque), rows=rows)
 
 

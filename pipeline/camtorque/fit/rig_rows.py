@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from camtorque.align.budget import wandered_std
-from camtorque.config import FluidSpec, PumpData, RecordingConfig
+from camtorque.config import FluidSpec, PumpData, RecordingConfig, TriggerSpec
 from camtorque.laws import ROWS, ripple
 from camtorque.laws.fluid import HEAVY, fuel_temperature, kind_of, modulus_prior, viscosity_ratio
 from camtorque.laws.ports import DISCHARGE
@@ -50,9 +50,8 @@ def rig_rows(
 ) -> dict[str, ParameterRow]:
     """Return every parameter row with the starts, bounds and priors that sheets and certificates give."""
     rows = dict(ROWS)
-    trigger, pump = config.trigger, config.pump
-    tolerance = max(trigger.installation_tolerance, 1e-4)
-    _set(rows, "trigger_offset", prior=(0.0, tolerance / np.sqrt(3.0)), lower=-2.5 * tolerance, upper=2.5 * tolerance)
+    pump = config.pump
+    _set_trigger(rows, config.trigger)
     _set_measured(rows, torque, pressure, cycles)
     _set_bridge(rows, torque)
     _set_filter(rows, torque)
@@ -75,14 +74,21 @@ def rig_rows(
     return rows
 
 
-def zero_rows(recording: Recording, cycles: CamCycles) -> dict[str, ParameterRow]:
-    """Return the rows of the zeros: each recording has readings of its own, or none."""
+def own_rows(recording: Recording, cycles: CamCycles) -> dict[str, ParameterRow]:
+    """Return the rows of zeros and trigger: each recording has readings of its own, or none, and its own sheet."""
     rows = dict(ROWS)
     torque, pressure = recording.of("torque")[0].calibration, recording.of("pressure")[0].calibration
     assert torque is not None
     assert pressure is not None
     _set_measured(rows, torque, pressure, cycles)
-    return {name: rows[name] for name in ("torque_zero", "pressure_zero")}
+    _set_trigger(rows, recording.config.trigger)
+    return {name: rows[name] for name in ("torque_zero", "pressure_zero", "trigger_offset")}
+
+
+def _set_trigger(rows: dict[str, ParameterRow], trigger: TriggerSpec) -> None:
+    """Take the error of the trigger's angle from what its mounting allows."""
+    tolerance = max(trigger.installation_tolerance, 1e-4)
+    _set(rows, "trigger_offset", prior=(0.0, tolerance / np.sqrt(3.0)), lower=-2.5 * tolerance, upper=2.5 * tolerance)
 
 
 def _set_measured(

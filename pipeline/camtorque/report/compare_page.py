@@ -13,6 +13,7 @@ import numpy as np
 from camtorque.fit.changes import TOLD
 from camtorque.fit.pair import has_other_load
 from camtorque.fit.uncertainty import COVERAGE
+from camtorque.ingest.stated import TRIGGER
 from camtorque.jsonable import jsonable
 from camtorque.records import Array, ReadOnly
 from camtorque.report.chart import CAM_ANGLE, WIDE, Band, Curves, Line, Marks, Panel, RowPanel, Rows, phases, strokes
@@ -132,10 +133,17 @@ def _unnamed(document: Mapping[str, Any]) -> str:
 
 def compare_cautions(document: Mapping[str, Any]) -> tuple[str, ...]:
     """Return why the verdicts are to be taken with care: a gain that changed, events that leave much over."""
+    sheets = document.get("sheets_differ", ())
     found = [
         f"{text}: both sides are read by their own sheets, so that a wrong one comes out as a change of the pump; "
-        "correct it; where both are right, leave them" for text in document.get("sheets_differ", ())
+        "correct it; where both are right, leave them" for text in sheets if not text.startswith(TRIGGER)
     ]  # fmt: skip
+    triggers = "; ".join(text for text in sheets if text.startswith(TRIGGER))
+    if triggers:
+        found.append(
+            f"{triggers}: each side has its own error of the trigger's angle, and a trigger that was moved cannot be "
+            "told; correct a wrong one; where both are right, leave them"
+        )
     ratio = document.get("torque", {}).get("ratio")
     if ratio is not None:
         found.append(
