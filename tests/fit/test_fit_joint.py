@@ -32,7 +32,7 @@ from camtorque.fit.joint import (
     joint_fit_of,
     solve_joint,
 )
-from camtorque.fit.joint_fit import joint_evidence, residual_covariance
+from camtorque.fit.joint_fit import joint_evidence, residual_covariance, unbounded_mean
 from camtorque.fit.joint_input import (
     HeldOnce,
     common_error,
@@ -75,6 +75,8 @@ from camtorque.fit.shared_lift import all_lift_information, lift_information, sh
 from camtorque.fit.single import switching_shift
 from camtorque.fit.solver import with_slopes
 from camtorque.fit.starts import ends_at
+from camtorque.fit.truncated import Gaussian
+from camtorque.fit.uncertainty import deviation_within
 from camtorque.laws import ROWS
 from camtorque.laws.chain import BINS, COLUMN_NAMES, binned, derivative_by, evaluate, filtered, transfer
 from camtorque.laws.lift import LiftCorrection
@@ -617,6 +619,23 @@ def test_the_joint_covariance_is_that_of_the_whole_matrix(joint, solved):
     assert list(one.problem.names) == [problem.parameters[k].name for k in kept]
     np.testing.assert_allclose(one.covariance.std, whole.std[kept], rtol=1e-5)
     np.testing.assert_array_equal(one.solution.z, solution.z[kept])
+
+
+@pytest.mark.parametrize("index", [0, 2])
+def test_joint_uncertainties_lie_within_the_bounds(joint, index):
+    """As those of one recording do (0148); the bounds of the others' own parameters, left out, take little away."""
+    problem, solution, cov = joint.problem, joint.solution, joint.covariance
+    every = range(problem.size)
+    whole = Gaussian(unbounded_mean(solution, cov), cov.arrow.among(every), *problem.bounds)
+    wanted = np.sqrt(np.diag(deviation_within(whole, solution.z)))
+    one = joint.recording(index)
+    kept = [k for k, parameter in enumerate(problem.parameters) if parameter.recording in (-1, index)]
+    off = np.abs(one.statistical_std / wanted[kept] - 1.0)
+    assert np.max(off) < 0.1
+    assert np.median(off) < 0.01
+    narrower = one.statistical_std / one.covariance.std
+    assert narrower[one.problem.names.index("shaft_drag")] < 0.9
+    assert np.median(narrower) < 0.97
 
 
 def test_the_file_of_a_joint_fit_grows_with_its_recordings_and_not_with_their_square(campaign):

@@ -30,7 +30,7 @@ from camtorque.fit.result import parameter_estimates
 from camtorque.fit.single import FittedParameters
 from camtorque.fit.solver import Minimum, with_slopes
 from camtorque.fit.truncated import Gaussian
-from camtorque.fit.uncertainty import LEAST_FREEDOM, Covariance, prior_std
+from camtorque.fit.uncertainty import LEAST_FREEDOM, Covariance, deviation_within, prior_std
 from camtorque.fit.valleys import COMPLIANCE, Changes, HeldValue, softer
 from camtorque.process.threads import Each, in_turn
 from camtorque.records import APART, EITHER_LOSS, Array, LossEvidence, Metrics, ParameterEstimate, ReadOnly
@@ -63,8 +63,17 @@ class JointFit(ReadOnly):
     covariance: JointCovariance
     shifts: Mapping[str, Array]
 
+    @cached_property
+    def unbounded_mean(self) -> Array:
+        """`unbounded_mean` of all parameters, (k,) [SI]."""
+        return unbounded_mean(self.solution, self.covariance)
+
     def recording(self, index: int) -> FittedParameters:
-        """Return the parameters of one recording and the shared ones as those of a fit of its own."""
+        """Return the parameters of one recording and the shared ones as those of a fit of its own.
+
+        What bounds of other recordings' own parameters take away is left out: of a deviation it is a hundredth, rarely
+        some.
+        """
         places, matrix = self.covariance.arrow.of(index)
         order = np.argsort(places)
         places, matrix = places[order], matrix[np.ix_(order, order)]
@@ -75,12 +84,13 @@ class JointFit(ReadOnly):
         )  # fmt: skip
         cov, found = self.covariance, self.solution
         known = Covariance(matrix, cov.prior_std[places], cov.inflation, cov.freedom, np.zeros((0, 0)))
+        within = Gaussian(self.unbounded_mean[places], matrix, *(bound[places] for bound in self.problem.bounds))
         minimum = Minimum(
             found.z[places], found.chi_square, found.data_chi_square, found.gradient[places], found.iterations,
             found.evaluations, found.converged,
         )  # fmt: skip
         shifts = {name: shift[:, places] for name, shift in self.shifts.items()}
-        return FittedParameters(small, minimum, known, matrix, shifts)
+        return FittedParameters(small, minimum, known, deviation_within(within, minimum.z), shifts)
 
 
 @dataclass(frozen=True)
@@ -169,7 +179,7 @@ def joint_evidence(fit: JointFit, odd_even: Array, explained: bool, each: Each =
     )
     # never of all parameters: their matrix grows with the square of the recordings
     before = prior_of(problem, cov.prior_std, shared)
-    known = Gaussian(unbounded_mean(solution, cov)[shared], cov.arrow.matrix, before.lower, before.upper)
+    known = Gaussian(fit.unbounded_mean[shared], cov.arrow.matrix, before.lower, before.upper)
     rows = tuple(problem.parameters[k].row for k in shared)
     losses = (*APART, EITHER_LOSS)
 

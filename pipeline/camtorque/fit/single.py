@@ -104,7 +104,7 @@ class FittedParameters:
     """Values of the parameters that act in a recording, and how sure they are.
 
     ``deviation`` is how far the parameters lie from what is stated, within their bounds (`deviation_within`), (k, k)
-    [SI^2]; ``covariance`` that of the Gaussian that knows of no bounds, and of a joint fit the deviation, too.
+    [SI^2]; ``covariance`` that of the Gaussian that knows of no bounds.
     ``shifts`` are further deviations by source, (m, k) each [SI]: one standard deviation in each of m directions.
     """
 
