@@ -49,6 +49,9 @@ def test_the_parts_of_the_work_add_up() -> None:
     assert sum(map(float, re.findall(r"(?<!± )-?\d+\.\d\d", parts))) == pytest.approx(float(total.split()[1]), abs=0.02)
     assert "unaccounted for 0.20" in parts
     assert "inertia" not in parts
+    doc = document()
+    doc["losses_stderr"]["input"] = 0.14
+    assert "work      12.00 ± 0.14 J/rev = " in run_table(doc)
 
 
 def test_work_without_an_input_has_no_shares() -> None:

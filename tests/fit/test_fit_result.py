@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from camtorque.fit import derived as derived_room
 from camtorque.fit import minima, planning
 from camtorque.fit import result as result_room
 from camtorque.fit.derived import carried, derived_estimates, model_of, modelled, on_cycles, sureness, work_at
@@ -258,9 +259,9 @@ def test_a_follower_that_rests_on_its_cam_without_a_force_has_not_left_it(fit, m
 def test_losses_close_to_no_percent_of_no_input(fit, monkeypatch):
     prepared = quick_prepared(*LAND)
     fitted = model_of(fit, prepared.means.torque, prepared.means.pressure)
-    monkeypatch.setattr(result_room, "drive_work", lambda chain, values: 0.0)
+    monkeypatch.setattr(derived_room, "drive_work", lambda chain, values: 0.0)
     through = result_room._losses(fit, fitted)["input"]
-    monkeypatch.setattr(result_room, "drive_work", lambda chain, values: -through)
+    monkeypatch.setattr(derived_room, "drive_work", lambda chain, values: -through)
     losses = result_room._losses(fit, fitted)
     assert losses["input"] == 0.0
     assert np.isnan(losses["closure_percent"])

@@ -106,6 +106,16 @@ def test_model_meets_the_cycles_that_were_not_fitted(record):
     assert abs(record.losses["closure_percent"]) < 1.0
 
 
+def test_the_work_put_in_is_known_as_well_as_it_says(case, record):
+    """It stood without an uncertainty beside causes that have theirs: an unread zero alone is worth some percent."""
+    work, std = record.losses["input"], record.losses_stderr["input"]
+    true = float(np.mean(np.diff(rig(*case).totals["shaft_work"])))
+    assert abs(work - true) < 2.0 * std
+    assert 0.0005 * work < std < 0.03 * work
+    zero = next(row for row in record.parameters if row.name == "torque_zero")
+    assert std > 2.0 * np.pi * 0.3 * zero.stderr
+
+
 def test_causes_sum_to_the_model_of_the_measured_torque(record):
     np.testing.assert_allclose(np.sum(list(record.by_cause.values()), axis=0), record.torque, atol=1e-9)
     # and the model is not the sum by definition alone: it meets what was measured

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from camtorque.hashes import real_path
-from camtorque.report.answer import estimate_text, needs, work_parts
+from camtorque.report.answer import estimate_text, needs, work_parts, work_text
 from camtorque.report.numbers import named, typeset, words
 from camtorque.report.verdict import (
     bump_place,
@@ -41,12 +41,12 @@ def run_table(doc: Mapping[str, Any]) -> str:
             f"{_signed(row['forward_gap_percent'], 2):>11} %{row['return_min_model_nm']:13.2f} N m"
         )
     lines.append(f"{'measured (held-out)':22}{'':32}{row['return_min_measured_nm']:13.2f} N m")
-    trigger, chamber, losses = doc["alignment"]["trigger_angle_deg"], doc["chamber"], doc["losses"]
+    trigger, chamber = doc["alignment"]["trigger_angle_deg"], doc["chamber"]
     lines += ["", f"effects   {', '.join(map(words, doc['effects'])) or 'none'}"]
     lines.append(f"trigger   {estimate_text(doc, trigger, 'deg')}, nominal {trigger['nominal']:.2f}")
     if chamber and chamber["peak_bar"]:
         lines.append(f"chamber   peak {estimate_text(doc, chamber['peak_bar'], 'bar')}")
-    lines.append(f"work      {losses['input']:.2f} J/rev = {_work(doc)}")
+    lines.append(f"work      {work_text(doc)}/rev = {_work(doc)}")
     return "\n".join([*lines, *loud_findings(doc["findings"])])
 
 

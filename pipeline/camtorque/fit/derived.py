@@ -12,12 +12,12 @@ import numpy as np
 
 from camtorque.fit.forecast import stroke_volume
 from camtorque.fit.prepare import at_cam_angles, cam_angles, over_even_angle
-from camtorque.fit.problem import Problem
+from camtorque.fit.problem import FitData, Problem
 from camtorque.fit.residual import parts_of_gap
 from camtorque.fit.single import Fit, FittedParameters
 from camtorque.fit.uncertainty import COVERAGE, knowledge, secant_steps
-from camtorque.laws.causes import cam_torques, measured_torques, work_per_revolution
-from camtorque.laws.chain import SHIFT_NAMES, ChainInput, ChainOutput, Motion, evaluate
+from camtorque.laws.causes import ON_BRIDGE_ALONE, cam_torques, drive_work, measured_torques, work_per_revolution
+from camtorque.laws.chain import COLUMN_NAMES, SHIFT_NAMES, ChainInput, ChainOutput, Motion, evaluate
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.driveline import FOLLOWING, RIGID, SHAFT_NAMES, cam_side_inertia
 from camtorque.records import APART, TOGETHER, UNTOLD, Array, Estimate, ParameterEstimate, RigidTorque
@@ -25,6 +25,7 @@ from camtorque.units import TURN, angle_grid
 
 NOT_CARRIED = "lift_table"
 """The correction of the lift is no parameter of the fit."""
+INPUT = "input"
 ANGLE, CHAMBER = "cam angle", "plunger pressure"
 """The two reasons for which pressure makes another torque than the rigid model has."""
 
@@ -168,6 +169,15 @@ def work_at(chain: ChainInput, values: Mapping[str, float], coefficients: Array)
     return _caused(chain, values, coefficients)[2]
 
 
+def input_work(
+    item: FitData, chain: ChainInput, values: Mapping[str, float], coefficients: Array, torques: Mapping[str, Array]
+) -> float:
+    """Return the work past the transducer [J per revolution]; ``torques`` are those of `cam_torques`."""
+    felt = sum(float(np.mean(torques[name])) for name in ON_BRIDGE_ALONE)
+    mean = float(np.mean(item.torque)) - float(coefficients[COLUMN_NAMES.index("torque_zero")]) - felt
+    return TURN * mean + drive_work(chain, values)
+
+
 def sureness(fit: Fit, rigid: RigidTorque, measured: Array) -> tuple[dict[str, float], dict[str, Array]]:
     """Return how sure work and torque by cause of a recording are.
 
@@ -178,22 +188,24 @@ def sureness(fit: Fit, rigid: RigidTorque, measured: Array) -> tuple[dict[str, f
 
     Returns
     -------
-    work : loss -> standard uncertainty of its work [J per revolution]
+    work : loss, and the input -> standard uncertainty of its work [J per revolution]
     gap : cause -> (3,) that of its torque [N m]: mean over the loaded part of the forward stroke, mean over the return
         stroke, where the measured torque is least there
     """
-    chain = fit.problem.data[0].chain
-    parts = _parts(chain, rigid, measured)
-    work, gap = _both(chain, *fit.problem.values(fit.solution.z, 0), rigid, parts)
+    item = fit.problem.data[0]
+    parts = _parts(item.chain, rigid, measured)
+    work, gap = _both(item, *fit.problem.values(fit.solution.z, 0), rigid, parts)
 
     def flat(values: Mapping[str, float], coefficients: Array) -> Array:
-        after = _both(chain, values, coefficients, rigid, parts)
+        after = _both(item, values, coefficients, rigid, parts)
         return np.concatenate([list(after[0].values()), *after[1].values()])
 
     std = carried(fit, flat)
     works = dict(zip(work, std.tolist(), strict=False))
     gaps = dict(zip(gap, std[len(work) :].reshape(len(gap), -1), strict=True))
     del works[NOT_CARRIED], gaps[NOT_CARRIED]
+    # its value is by the certificate's gain, whatever gain is fitted
+    works[INPUT] = float(np.hypot(works[INPUT], work[INPUT] * (item.rows["gain_error"].prior or (0.0, 0.0))[1]))
     return works, gaps
 
 
@@ -234,10 +246,12 @@ def line_pressure_torque(rigid: RigidTorque, angle: Array, force: Array) -> Arra
 
 
 def _both(
-    chain: ChainInput, values: Mapping[str, float], coefficients: Array, rigid: RigidTorque, parts: Array
+    item: FitData, values: Mapping[str, float], coefficients: Array, rigid: RigidTorque, parts: Array
 ) -> tuple[dict[str, float], dict[str, Array]]:
-    """Return work by loss, and torque by cause averaged over parts (3, n) of the revolution, apart from a constant."""
+    """Return work by loss and put in, and torque by cause, less a constant, averaged over parts (3, n) of the angle."""
+    chain = item.chain
     output, torques, work = _caused(chain, values, coefficients)
+    work[INPUT] = input_work(item, chain, values, coefficients, torques)
     curves = measured_torques(chain, values, torques, coefficients)
     angle = line_pressure_torque(rigid, output.motion.theta, chain.line_pressure * chain.pump.plunger_area)
     curves = {CHAMBER: curves.pop("pressure") - angle, ANGLE: angle, **curves}

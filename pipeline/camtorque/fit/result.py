@@ -7,9 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from camtorque.fit.derived import (
+    INPUT,
     Modelled,
     delivered_volume,
     derived_estimates,
+    input_work,
     model_of,
     on_cycles,
     sureness,
@@ -39,11 +41,7 @@ from camtorque.fit.uncertainty import (
     without_spikes,
 )
 from camtorque.laws import ROWS
-from camtorque.laws.causes import (
-    ON_BRIDGE_ALONE,
-    drive_work,
-    work_per_revolution,
-)
+from camtorque.laws.causes import work_per_revolution
 from camtorque.laws.chain import COLUMN_NAMES, SHIFT_NAMES
 from camtorque.laws.driveline import COMPLIANCE_NAMES
 from camtorque.mechanism.contact import pulls
@@ -181,11 +179,9 @@ def _losses(fit: Fit, fitted: Modelled) -> dict[str, float]:
     """Return work per revolution by cause [J], the input and how well they close."""
     work = work_per_revolution(fitted.chain, fitted.values, fitted.output, fitted.cam)
     _, coefficients = fit.problem.values(fit.solution.z, 0)
-    felt = sum(float(np.mean(fitted.cam[name])) for name in ON_BRIDGE_ALONE)
-    mean = float(np.mean(fit.problem.data[0].torque)) - float(coefficients[COLUMN_NAMES.index("torque_zero")]) - felt
-    total = 2.0 * np.pi * mean + drive_work(fitted.chain, fitted.values)
+    total = input_work(fit.problem.data[0], fitted.chain, fitted.values, coefficients, fitted.cam)
     closure = 100.0 * (total - sum(work.values())) / total if total else float("nan")
-    return {**work, "input": total, "closure_percent": closure}
+    return {**work, INPUT: total, "closure_percent": closure}
 
 
 def pressure_stds(fit: Fit, fitted: Modelled) -> Array | None:

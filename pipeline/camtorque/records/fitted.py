@@ -146,7 +146,7 @@ class FittedTorque(ReadOnly):
     true_angle : (n_theta,) cam angle of each grid point after trigger angle, twist and delay [rad]
     forces : forces of the fitted model
     losses : cause -> J per revolution, with ``input`` and ``closure_percent`` (nan without input)
-    losses_stderr : cause -> standard uncertainty [J per revolution], and of friction and damping together
+    losses_stderr : cause -> standard uncertainty [J per revolution], and of friction and damping together and the input
     gap_stderr : cause -> (3,) standard uncertainty of its torque [N m]: mean over the loaded part of the forward
         stroke, over the return stroke, and where the measured torque is least there
     metrics : ``rigid``, ``fitted``, ``fitted_held_out_cycles``

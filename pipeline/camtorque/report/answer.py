@@ -241,12 +241,17 @@ def cards(doc: Document) -> list[dict[str, str]]:
     rows += [
         (f"{significant(doc['forces']['hertz_max_gpa'])} GPa", "largest Hertz pressure"),
         (
-            f"{with_decimals(doc['losses']['input'], 2)} J",
+            work_text(doc),
             f"work per revolution, {with_sign(doc['losses']['closure_percent'])} % unaccounted for",
         ),
         (f"{recording['cycles_used']} / {recording['cycles_found']}", "cycles used / complete"),
     ]
     return [{"value": value, "text": text} for value, text in rows]
+
+
+def work_text(doc: Document) -> str:
+    """Return the work that a revolution takes, with its standard error."""
+    return estimate_text(doc, {"value": doc["losses"]["input"], "stderr": doc["losses_stderr"].get("input")}, "J")
 
 
 def estimate_text(doc: Document, estimate: Document, unit: str) -> str:

@@ -27,7 +27,7 @@ from markupsafe import Markup
 from camtorque.fit.evidence import LARGE
 from camtorque.jsonable import clean
 from camtorque.process.second_process import in_two
-from camtorque.report.answer import answer, cards
+from camtorque.report.answer import answer, cards, work_text
 from camtorque.report.chart import NARROW, Chart, Curves, Rows, Span, tone_css
 from camtorque.report.charts_svg import curves_svg, rows_svg
 from camtorque.report.numbers import FILTERS
@@ -194,7 +194,7 @@ def run_page(
     return render(
         "run.html", drawings, phases, title=f"{doc['recording']['name']}: measured against model", doc=doc,
         verdict=verdict(doc), answer=answer(doc), cards=cards(doc),
-        losses=loss_rows(doc), gaps=gap_rows(doc), groups=parameter_groups(doc),
+        losses=loss_rows(doc), work=work_text(doc), gaps=gap_rows(doc), groups=parameter_groups(doc),
         pairs=pair_rows(*correlation), inside=inside_text(doc), alignment=alignment_text(doc),
         config_text=config_text, metric_names=METRIC_NAMES,
         sections={name: link for name, link in SECTIONS.items() if name not in LEFT_OUT_EMPTY or doc[name]},
