@@ -103,8 +103,8 @@ def aligned_variables(cycles: CamCycles) -> list[Variable]:
     ]
     if cycles.pressure.size:
         rows += [
-            Variable("cycles/pressure", cycles.pressure, "Pa", "line pressure, gauge"),
-            Variable("mean/pressure", cycles.mean_pressure, "Pa", "mean line pressure of the used cycles"),
+            Variable("cycles/pressure", cycles.pressure, "Pa", "measured pressure, gauge"),
+            Variable("mean/pressure", cycles.mean_pressure, "Pa", "mean measured pressure of the used cycles"),
         ]
     if cycles.torque is not None:
         rows += [
@@ -136,7 +136,7 @@ def _model(result: RunResult) -> list[Variable]:
     std = fitted.chamber_pressure_std
     return _known(
         [
-            Variable("model/rigid", rigid.torque, "N m", "rigid multibody torque from the line pressure"),
+            Variable("model/rigid", rigid.torque, "N m", "rigid multibody torque from the measured pressure"),
             Variable("model/fitted", fitted.torque, "N m", "fitted model, pressure of the fitted cycles"),
             Variable(
                 "model/fitted_held_out", fitted.torque_held_out, "N m", "fitted model, pressure of held-out cycles"
