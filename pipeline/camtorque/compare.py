@@ -36,7 +36,7 @@ from camtorque.rehearsal import rigid_torque
 from camtorque.report.compare_page import ComparedCurves, write_compare
 from camtorque.report.files import inputs_document
 from camtorque.report.folder import output_folder
-from camtorque.results import CAMPAIGN, NAME, read_campaign, recording_path, refuse_changed, report_named
+from camtorque.results import CAMPAIGN, NAME, current_campaign, recording_path, refuse_changed, report_named
 from camtorque.units import RPM
 from camtorque.version import __version__
 
@@ -105,7 +105,7 @@ def _recordings(path: Path) -> list[Path]:
     """Return the recordings or reports that a path names: itself, those of a campaign's report, or those below it."""
     campaign = path if path.name == CAMPAIGN else path / CAMPAIGN
     if campaign.is_file():
-        rows = read_campaign(campaign)["recordings"]
+        rows = current_campaign(campaign)["recordings"]
         return [campaign.parent / row["folder"] for row in rows if row["status"] == "ok"]
     if path.is_dir() and not any((path / name).is_file() for name in (RECORDING_FILE, NAME)):
         return [item.parent for item in files_below(path, RECORDING_FILE)] or [path]

@@ -247,6 +247,53 @@ def test_a_recording_that_its_campaign_refused_does_not_pass(
     assert cli.main(["limits", str(file), str(tmp_path / "runs" / "a")]) == 0
 
 
+def entry(out: Path, key: str, name: str, created: str, status: str = "ok") -> None:
+    """Write what `campaign --only` leaves of a recording."""
+    (out / "runs" / key).mkdir(parents=True)
+    row = {"schema": "camtorque.entry/1", "created": created, "name": name, "status": status}
+    kept = json.dumps({**row, "error": "the log is cut"})
+    (out / "runs" / key / "entry.json").write_text(kept, encoding="utf-8")
+    if status == "ok":
+        document = {"schema": "camtorque.result/1", "recording": {"name": name}, "metrics": {"x": 1.0}}
+        (out / "runs" / key / "result.json").write_text(json.dumps(document), encoding="utf-8")
+
+
+def test_an_index_that_is_older_than_what_was_made_alone_since_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A recording that was put right and computed by --only passed and failed by what it had been before."""
+    entry(tmp_path, "older", "A", "2026-03-01T09:00:00+00:00")
+    entry(tmp_path, "used", "A", "2026-03-01T10:00:00+00:00")
+    index = {"schema": "camtorque.campaign/1", "created": "2026-03-01T11:00:00+01:00",
+             "recordings": [{"name": "A", "status": "ok", "folder": "runs/used"}]}  # fmt: skip
+    (tmp_path / "campaign.json").write_text(json.dumps(index), encoding="utf-8")
+    file = limits_file(tmp_path, '[[limit]]\nquantity = "metrics.x"\nmax = 2.0\n')
+    assert cli.main(["limits", str(file), str(tmp_path)]) == 0
+    entry(tmp_path, "newer", "A", "2026-03-01T10:00:01+00:00")
+    for path in (tmp_path, tmp_path / "campaign.json"):
+        with pytest.raises(Refusal, match=r"campaign.json: is older than what --only has made of A since, .* run the"):
+            find_results(path)
+    assert cli.main(["export", "--trend", str(tmp_path), "--out", str(tmp_path / "trend")]) == 2
+    assert find_results(tmp_path / "runs" / "used"), "a report that is named itself"
+    assert capsys.readouterr().err
+
+
+def test_what_was_refused_alone_does_not_pass_before_there_is_an_index(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An array job whose last command was left out passed by those of its recordings that had a report."""
+    entry(tmp_path, "a", "A", "2026-03-01T10:00:00+00:00")
+    entry(tmp_path, "b", "B", "2026-03-01T10:00:00+00:00", "refused")
+    (tmp_path / "runs" / "c").mkdir()
+    (tmp_path / "runs" / "c" / "entry.json").write_text("[]", encoding="utf-8")
+    file = limits_file(tmp_path, '[[limit]]\nquantity = "metrics.x"\nmax = 2.0\n')
+    for path in (tmp_path, tmp_path / "runs"):
+        assert cli.main(["limits", str(file), str(path)]) == 3
+        assert "B  cannot tell  [refused: the log is cut]" in capsys.readouterr().out
+    entry(tmp_path, "put right", "B", "2026-03-01T10:00:01+00:00")
+    assert cli.main(["limits", str(file), str(tmp_path)]) == 0
+
+
 def test_a_run_refuses_a_limit_of_no_parameter_before_it_begins(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
