@@ -120,9 +120,10 @@ def test_a_damaged_index_of_a_campaign_is_refused(tmp_path: Path, content: str, 
 
 
 def test_recordings_without_a_partner_are_named() -> None:
-    alone = {Path("raw/old/500"): 500.0 * RPM, Path("raw/old/b/recording.toml"): 894.0 * RPM}
+    """Of a campaign's report their folders were named, which are hashes."""
+    alone = [SimpleNamespace(id=name, nominal_speed=speed * RPM) for name, speed in (("A_500", 500.0), ("b", 894.0))]
     doc = {"before": {"left_out": left_out_rows(alone)}, "after": {"left_out": []}}
-    assert left_out(doc) == ("Left out of before, no partner of that speed: 500 (500 rpm), b (894 rpm).",)
+    assert left_out(doc) == ("Left out of before, no partner of that speed is left: A_500 (500 rpm), b (894 rpm).",)
 
 
 def test_a_recording_held_against_itself_is_refused() -> None:

@@ -168,14 +168,14 @@ def left_out(document: Mapping[str, Any]) -> tuple[str, ...]:
             f"{row['recording']} ({significant(row['speed_rpm'], 4)} rpm)" for row in document[side].get("left_out", ())
         ]
         if rows:
-            found.append(f"Left out of {side}, no partner of that speed: {', '.join(rows)}.")
+            found.append(f"Left out of {side}, no partner of that speed is left: {', '.join(rows)}.")
     return tuple(found)
 
 
 def compare_events(document: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return what may have happened, in words, with its probability, the most probable first."""
     return [
-        (" and ".join(EVENTS[name] for name in row["groups"]) or "nothing changed", percent(row["probability"]))
+        (in_a_row([EVENTS[name] for name in row["groups"]]) or "nothing changed", percent(row["probability"]))
         for row in document.get("events", ())
     ]
 
