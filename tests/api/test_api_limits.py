@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from camtorque import cli
 from camtorque.commands.run import run_options
+from camtorque.commands.texts import limit_lines
 from camtorque.config.tables import Refusals
 from camtorque.laws import STATED_NAMES
 from camtorque.limits import (
@@ -342,6 +343,14 @@ def test_a_verdict_has_the_unit_of_its_number_where_the_band_states_none(quantit
     }  # fmt: skip
     (row,) = limits_document(judge(document, [Limit(quantity, 0.0, 4.0, stated)]))["rows"]
     assert row["unit"] == unit
+
+
+def test_a_line_shows_the_uncertainty_that_decides() -> None:
+    """A value of 0.30 that cannot be told to be below 0.35 stood there without a reason to see."""
+    guarded = Limit("parameters.leakage.value", None, 0.35, guard=2.0)
+    lines = limit_lines(limits_document(judge(DOCUMENT, [guarded, Limit("metrics.fitted.rms_nm", None, 1.0)]))["rows"])
+    assert "0.3 ± 0.050    at most 0.35 mm^3/s/bar; within 2" in lines[0]
+    assert "±" not in lines[1]
 
 
 def test_a_guard_on_a_loss_takes_the_uncertainty_that_stands_beside_it() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from camtorque.hashes import real_path
 from camtorque.report.answer import estimate_text, needs, work_parts
-from camtorque.report.numbers import named, typeset, words
+from camtorque.report.numbers import named, plus_minus, typeset, words
 from camtorque.report.verdict import (
     bump_place,
     doubtful,
@@ -138,9 +138,10 @@ def loud_findings(findings: Sequence[Mapping[str, Any]]) -> list[str]:
 def limit_lines(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return one line per limit."""
     numbers = ["-" if row["value"] is None else f"{row['value']:.5g}" for row in rows]
+    errors = [f"± {plus_minus(row['stderr'])}" if row["stderr"] else "" for row in rows]
     return [
-        f"{row['verdict']:12}{row['quantity']:48}{number:>12}  {_band(row)}"
-        for row, number in zip(rows, numbers, strict=True)
+        f"{row['verdict']:12}{row['quantity']:48}{number:>12} {error:10} {_band(row)}"
+        for row, number, error in zip(rows, numbers, errors, strict=True)
     ]
 
 
