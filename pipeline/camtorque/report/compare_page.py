@@ -17,7 +17,7 @@ from camtorque.jsonable import jsonable
 from camtorque.records import Array, ReadOnly
 from camtorque.report.chart import CAM_ANGLE, WIDE, Band, Curves, Line, Marks, Panel, RowPanel, Rows, phases, strokes
 from camtorque.report.files import write_json, write_page
-from camtorque.report.numbers import UNKNOWN, plus_minus, rounded_to_error, significant, unit_text, words
+from camtorque.report.numbers import UNKNOWN, in_a_row, plus_minus, rounded_to_error, significant, unit_text, words
 from camtorque.report.page import Drawing, drawing_of, render, write_figures
 from camtorque.units import BAR, DEGREE, LOGARITHM
 
