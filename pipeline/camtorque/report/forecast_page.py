@@ -263,7 +263,7 @@ def assumptions(known: KnownFit, source: FittedAt, load: str, clearance: str, ot
     if clearance:
         base = "" if "um" in clearance[:-2] else f", counted from {CLEARANCE * 1e6:g} µm"
         texts.append(f"Clearance {clearance}{base}: leakage in proportion to its third power.")
-    if known.lift is not None:
+    if known.lift is not None and np.any(known.lift.values):
         largest = float(np.max(np.abs(known.lift.values)))
         texts.append(f"The lift table is corrected by up to {1e6 * largest:.1g} µm, as all fitted recordings ask for.")
     if known.unexplained:
