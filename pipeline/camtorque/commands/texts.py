@@ -11,6 +11,7 @@ from camtorque.report.answer import estimate_text, needs, work_parts
 from camtorque.report.numbers import named, plus_minus, typeset, words
 from camtorque.report.verdict import (
     bump_place,
+    called,
     doubtful,
     doubtful_input,
     known_metrics,
@@ -88,20 +89,20 @@ def _signed(value: float, decimals: int) -> str:
 
 def campaign_table(doc: Mapping[str, Any]) -> str:
     """Return the content of campaign.json as a compact table."""
-    wide = max(22, *(len(row["name"]) for row in doc["recordings"]))
+    wide = max(22, *(len(called(row)) for row in doc["recordings"]))
     heads = f"{'rpm':>8}{'rigid RMS':>11}{'fitted':>9}{'joint':>9}{'left out':>9}{'peak error':>12}"
     lines = [f"{'recording':{wide}}{heads}"]
     left = {row["name"]: row["metrics"] for row in doc["held_out"] if row["mode"] == "own_zero_and_end"}
     for row in doc["recordings"]:
         if row["status"] != "ok":
-            lines.append(f"{row['name']:{wide - 1}} refused: {row['error']}")
+            lines.append(f"{called(row):{wide - 1}} refused: {row['error']}")
             continue
         out = left.get(row["id"])
         shares = [row["metrics"]["rigid"], row["metrics"]["fitted_held_out_cycles"],
                   (row["metrics_joint"] or {}).get("fitted_held_out_cycles"), out]  # fmt: skip
         texts = [f"{m['rms_percent_of_peak']:.{2 if k == 0 else 3}f} %" if m else "-" for k, m in enumerate(shares)]
         high = f"{_signed(known_metrics(out).peak_excess_percent, 1)} %" if out else "-"
-        name = f"{row['name']:{wide}}{row['speed_rpm']:8.1f}"
+        name = f"{called(row):{wide}}{row['speed_rpm']:8.1f}"
         lines.append(f"{name}{texts[0]:>11}{texts[1]:>9}{texts[2]:>9}{texts[3]:>9}{high:>12}")
     if said := needs(doc["evidence"]):
         lines.append(f"losses    {' '.join(said)}")
