@@ -321,8 +321,8 @@ def step_text(item: Forecast) -> tuple[str, ...]:
     return (
         f"Do not build on the torque at {item.speed / RPM:.4g} rpm: within what the fit leaves open it goes one way or "
         "another, as beside a delivery valve that is near chattering. The curve is the middle one of many, its peak "
-        f"known to ± {100.0 * COVERAGE * item.torque_std[top] / item.torque[top]:.2g} %; a recording near that speed "
-        "would tell.",
+        f"known to ± {short(100.0 * COVERAGE * item.torque_std[top] / item.torque[top], 2)} %; a recording near that "
+        "speed would tell.",
     )
 
 
