@@ -179,7 +179,7 @@ def test_sources_of_a_variance_are_ranked_and_go_by_the_name_of_their_parameter(
     assert [item.label for item in marks] == ["bulk modulus", "cycles and model error", "other sources"]
     assert marks[-1].values == pytest.approx((100.0, 100.0))
     assert ranking(table)[0] == {
-        "outcome": "leakage", "sources": "cycles and model error 62 %, bulk modulus 35 %, other sources 4 %",
+        "outcome": "leakage", "sources": "cycles and model error 62 %; bulk modulus 35 %; other sources 4 %",
     }  # fmt: skip
 
 
