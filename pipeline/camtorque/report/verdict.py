@@ -36,6 +36,7 @@ DOUBTFUL = {
     "torque_against_model": "a torque that does not suit the plunger of the sheet",
     "torque_beyond_pressure": "a torque that no such pressure makes",
     "torque_flat_top": "a torque whose top is cut off",
+    "low_cycles_used": "only those cycles that stay within the range of a sensor",
     "torque_size_drifts": "a torque whose size drifts beside its pressure",
     "csv_cut_row": "a log that may be cut short",
     "mains_hum": "mains hum that stays in the mean torque",
