@@ -206,8 +206,9 @@ def refuse_changed(report: Path, files: Iterable[InputFile]) -> None:
 
 
 def _changed(result: Path, files: Sequence[Path]) -> Refusal:
+    maker = "campaign" if (result.parent / ENTRY).is_file() else "run"
     return Refusal(
         f"{result}: found other content in {', '.join(map(str, files))} than it was made of (by SHA-256), expected the "
-        "same; make the report again with `camtorque run`, or put the old content back, or run this in the folder "
+        f"same; make the report again with `camtorque {maker}`, or put the old content back, or run this in the folder "
         "where the report was made"
     )

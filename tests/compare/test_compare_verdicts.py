@@ -278,9 +278,11 @@ def test_a_report_finds_its_recording_from_another_folder(tmp_path: Path, monkey
     monkeypatch.chdir(elsewhere)
     assert recording_path(report) == tmp_path / "raw" / "recording.toml"
     (tmp_path / "raw" / "recording.toml").write_text("another pump")
-    with pytest.raises(
-        Refusal, match=r"other content in .*raw/recording\.toml than it was made of .*, or run this in the folder"
-    ):
+    told = r"other content in .*raw/recording\.toml than it was made of .* with `camtorque {}`, .*, or run this in the"
+    with pytest.raises(Refusal, match=told.format("run")):
+        recording_path(report)
+    (report / "entry.json").touch()  # one of a campaign, into which `run` writes nothing
+    with pytest.raises(Refusal, match=told.format("campaign")):
         recording_path(report)
 
 
@@ -359,3 +361,5 @@ def test_events_are_told_in_words_and_never_as_certain() -> None:
     found = compare_events({"events": rows})
     assert found[0] == ("leakage past the plunger (clearance, wear) and trigger mounted at another angle", "> 99 %")
     assert found[1] == ("nothing changed", "40 %")
+    three = compare_events({"events": [{"groups": ["leakage", "spring", "feed"], "probability": 0.5}]})
+    assert three[0][0] == ", ".join([EVENTS["leakage"], f"{EVENTS['spring']} and {EVENTS['feed']}"])
