@@ -28,7 +28,7 @@ def find_results(path: Path) -> list[Path]:
 
     Raises
     ------
-    Refusal : there is none; a campaign.json cannot be used, or is older than what `--only` computed
+    Refusal : there is none; a campaign.json cannot be used, or is older than results in its ``runs``
     """
     path = _of_campaign(path)
     if path.is_file():
@@ -67,7 +67,8 @@ def current_campaign(path: Path) -> dict[str, Any]:
 
     Raises
     ------
-    Refusal : see `read_campaign`; `--only` has computed or refused a recording since it was written
+    Refusal : see `read_campaign`; a recording was computed or refused since it was written, by `--only` or a campaign
+        that was stopped
     """
     document = read_campaign(path)
     named = {row["folder"] for row in document["recordings"]}
@@ -75,8 +76,9 @@ def current_campaign(path: Path) -> dict[str, Any]:
     later = sorted({entry["name"] for entry in others if _made(entry) > _made(document)})
     if later:
         raise Refusal(
-            f"{path}: is older than what --only has made of {first_of(later, MOST_NAMED)} since, expected the index of "
-            "the newest results; run the campaign again, which computes nothing twice"
+            f"{path}: is older than results of {first_of(later, MOST_NAMED)} that --only or a campaign that was "
+            "stopped has computed since, expected the index of the newest; run the campaign to its end, it computes "
+            "nothing twice"
         )
     return document
 

@@ -272,7 +272,7 @@ def test_an_index_that_is_older_than_what_was_made_alone_since_is_refused(
     assert cli.main(["limits", str(file), str(tmp_path)]) == 0
     entry(tmp_path, "newer", "A", "2026-03-01T10:00:01+00:00")
     for path in (tmp_path, tmp_path / "campaign.json"):
-        with pytest.raises(Refusal, match=r"campaign.json: is older than what --only has made of A since, .* run the"):
+        with pytest.raises(Refusal, match=r"campaign.json: is older than results of A that --only .* run the campaign"):
             find_results(path)
     assert cli.main(["export", "--trend", str(tmp_path), "--out", str(tmp_path / "trend")]) == 2
     assert find_results(tmp_path / "runs" / "used"), "a report that is named itself"
