@@ -154,6 +154,10 @@ def test_a_campaign_names_what_is_unexplained_and_shows_the_peak_of_each_predict
     assert lines[-1].startswith("UNEXPLAINED: B: the model fails there")
     asked = {**doc, "recordings": [{**good, "verdict": "look"}]}
     assert campaign_table(asked).splitlines()[-1] == f"LOOK CLOSER: {good['name']}: the reports say why"
+    copied = {**good, "name": "deep/week 2", "id": "week 1", "verdict": "look"}
+    table = campaign_table({**doc, "recordings": [copied, {**good, "name": "deep/week 1", "id": "week 1"}]})
+    assert table.count("deep/week 2 (week 1)") == 2, "warnings of the joint fit go by ids"
+    assert "deep/week 1 " in table
     lost = {"name": "C" * 30, "status": "refused", "error": "no torque"}
     head, *rows = campaign_table({**doc, "recordings": [good, lost]}).splitlines()
     assert rows[1].split() == [lost["name"], "refused:", "no", "torque"], "a long name ran into the next column"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from camtorque.align import align
+from camtorque.config import RecordingConfig
 from camtorque.config.recording import load_recording_config
 from camtorque.config.schemas import RECORDING_FILE
 from camtorque.fit.changes import Attribution, attribution
@@ -36,7 +37,7 @@ from camtorque.rehearsal import rigid_torque
 from camtorque.report.compare_page import ComparedCurves, write_compare
 from camtorque.report.files import inputs_document
 from camtorque.report.folder import output_folder
-from camtorque.results import CAMPAIGN, NAME, read_campaign, recording_path, refuse_changed, report_named
+from camtorque.results import CAMPAIGN, NAME, current_campaign, recording_path, refuse_changed, report_named
 from camtorque.units import RPM
 from camtorque.version import __version__
 
@@ -67,10 +68,10 @@ class Compared:
 
 @dataclass(frozen=True)
 class Matched:
-    """Pairs of recordings of one speed, and on each side those that have no partner, with their speeds [rad/s]."""
+    """Pairs of recordings of one speed, and on each side those that have no partner."""
 
     pairs: tuple[tuple[Path, Path], ...]
-    alone: tuple[Mapping[Path, float], Mapping[Path, float]] = ({}, {})
+    alone: tuple[Mapping[Path, RecordingConfig], Mapping[Path, RecordingConfig]] = ({}, {})
 
 
 def matched(before: Path, after: Path) -> Matched:
@@ -83,11 +84,11 @@ def matched(before: Path, after: Path) -> Matched:
     sides = [_recordings(path) for path in (before, after)]
     if all(len(side) == 1 for side in sides):
         return Matched(((sides[0][0], sides[1][0]),))
-    one, two = ({path: load_recording_config(recording_path(path)).nominal_speed for path in side} for side in sides)
+    alone = tuple({path: load_recording_config(recording_path(path)) for path in side} for side in sides)
+    one, two = ({path: config.nominal_speed for path, config in side.items()} for side in alone)
     first, second = list(one), list(two)
     apart = sorted((abs(two[b] / one[a] - 1.0), i, j) for i, a in enumerate(first) for j, b in enumerate(second))
     pairs: list[tuple[int, int]] = []
-    alone = (dict(one), dict(two))
     for distance, i, j in apart:
         if distance <= SAME_SPEED and first[i] in alone[0] and second[j] in alone[1]:
             pairs.append((i, j))
@@ -98,14 +99,14 @@ def matched(before: Path, after: Path) -> Matched:
             f"compare: {before} holds {speeds[0]} rpm and {after} {speeds[1]} rpm, expected some speed in both; "
             "compare recordings of the same speeds"
         )
-    return Matched(tuple((first[i], second[j]) for i, j in sorted(pairs)), alone)
+    return Matched(tuple((first[i], second[j]) for i, j in sorted(pairs)), (alone[0], alone[1]))
 
 
 def _recordings(path: Path) -> list[Path]:
     """Return the recordings or reports that a path names: itself, those of a campaign's report, or those below it."""
     campaign = path if path.name == CAMPAIGN else path / CAMPAIGN
     if campaign.is_file():
-        rows = read_campaign(campaign)["recordings"]
+        rows = current_campaign(campaign)["recordings"]
         return [campaign.parent / row["folder"] for row in rows if row["status"] == "ok"]
     if path.is_dir() and not any((path / name).is_file() for name in (RECORDING_FILE, NAME)):
         return [item.parent for item in files_below(path, RECORDING_FILE)] or [path]
@@ -189,7 +190,7 @@ def aligned(path: Path, progress: Progress) -> Prepared:
 
 
 def compare_document(
-    compared: Sequence[Compared], names: tuple[str, str], alone: Sequence[Mapping[Path, float]] = ({}, {})
+    compared: Sequence[Compared], names: tuple[str, str], alone: Sequence[Mapping[Path, RecordingConfig]] = ({}, {})
 ) -> dict[str, Any]:
     """Return compare.json of pairs that belong together; ``names`` are those of both sides where there are several."""
     parameters = _over_pairs([item.parameters for item in compared])
@@ -268,24 +269,20 @@ def _over_pairs(rows: Sequence[Sequence[Difference]]) -> tuple[Difference, ...]:
     return tuple(found[0] if len(found) == 1 else pooled(found) for found in by_name.values())
 
 
-def _side(sides: Sequence[Prepared], name: str, alone: Mapping[Path, float]) -> dict[str, Any]:
+def _side(sides: Sequence[Prepared], name: str, alone: Mapping[Path, RecordingConfig]) -> dict[str, Any]:
     speeds = [side.cycles.mean_speed / RPM for side in sides]
     inputs = {row["path"]: row for side in sides for row in inputs_document(side.recording.inputs)}
     single = len(sides) == 1
     return {
         "name": sides[0].recording.config.id if single else name, "speed_rpm": speeds[0] if single else None,
         "speeds_rpm": speeds, "inputs": list(inputs.values()),
-        "left_out": left_out_rows(alone),
+        "left_out": left_out_rows(alone.values()),
     }  # fmt: skip
 
 
-def left_out_rows(alone: Mapping[Path, float]) -> list[dict[str, Any]]:
-    """Return what compare.json says of recordings without a partner; ``alone`` holds their speeds [rad/s]."""
-    return [{"recording": _name(path), "speed_rpm": speed / RPM} for path, speed in alone.items()]
-
-
-def _name(path: Path) -> str:
-    return path.parent.name if path.name in (RECORDING_FILE, NAME) else path.name
+def left_out_rows(alone: Iterable[RecordingConfig]) -> list[dict[str, Any]]:
+    """Return what compare.json says of recordings without a partner: folders of a campaign go by hashes, ids do not."""
+    return [{"recording": config.id, "speed_rpm": config.nominal_speed / RPM} for config in alone]
 
 
 def _rows(differences: Sequence[Difference]) -> dict[str, Any]:
@@ -331,7 +328,8 @@ def compare(before: Path, after: Path, out: Path, progress: Progress = silent) -
     paths = matched(before, after)
     for side, rows in zip((before, after), paths.alone, strict=True):
         if rows:
-            progress(f"left out: {side}: {', '.join(map(_name, rows))}, whose speeds the other side does not have")
+            names = ", ".join(config.id for config in rows.values())
+            progress(f"left out: {side}: {names}, for which the other side has no partner of their speed left")
     with output_folder(out, "compare.json") as folder:
         found = [_one_pair(*pair, progress) for pair in paths.pairs]
         joined = common_attributions([item.found for item in found], [item.pair for item in found])

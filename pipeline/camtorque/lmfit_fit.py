@@ -118,8 +118,12 @@ class OwnFit:
 
         Raises
         ------
-        Refusal : a parameter of `parameters` is missing
+        Refusal : a parameter of `parameters` is missing, or they are none
         """
+        if not isinstance(parameters, lmfit.Parameters):
+            raise Refusal(
+                f"minimizer: found parameters of type {type(parameters).__name__}, expected those of own.parameters()"
+            )
         missing = [name for name in self.names if name not in parameters]
         if missing:
             raise Refusal(f"minimizer: found no parameter {missing[0]!r}, expected all of own.parameters()")

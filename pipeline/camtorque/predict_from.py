@@ -27,7 +27,7 @@ from camtorque.finished_fit import (
     rig_of,
 )
 from camtorque.fit.clearance import leakage_factor, refuse_leaky
-from camtorque.fit.endings import either, endings_of, if_it_ended_so, load_for, own_ending, the_other
+from camtorque.fit.endings import MOST_PRESSED, either, endings_of, if_it_ended_so, load_for, own_ending, the_other
 from camtorque.fit.forecast import Forecast, forecast
 from camtorque.fit.known_ends import END_OF, Curve
 from camtorque.fit.known_fit import FittedAt, KnownFit, LoadKnowledge
@@ -53,6 +53,7 @@ from camtorque.records import Estimate, Forces, Refusal
 from camtorque.report.files import inputs_document
 from camtorque.report.fit_file import NAME
 from camtorque.report.forecast_page import (
+    ENDED_BY,
     assumptions,
     beyond_text,
     constant_text,
@@ -65,7 +66,7 @@ from camtorque.report.forecast_page import (
     step_text,
 )
 from camtorque.results import report_named
-from camtorque.units import RPM
+from camtorque.units import BAR, RPM, short
 
 
 @dataclass(frozen=True, repr=False)
@@ -212,9 +213,21 @@ def _at_speed(
              for text in end_text(ends, source, known, speed / RPM)]  # fmt: skip
     assumed = assumptions(known, sources[0], load, asked.clearance, asked.pump or asked.cam)
     odd = [f"{row.where}: {row.text}." for row in runs[0][2].findings if row.severity == "warning"]
-    texts = [*flight_text(item), *step_text(item), *odd, *beyond, *assumed, *texts, *ending_text(item),
-             *constant_text(item)]  # fmt: skip
+    texts = [*pressed_text(item), *flight_text(item), *step_text(item), *odd, *beyond, *assumed, *texts,
+             *ending_text(item), *constant_text(item)]  # fmt: skip
     return replace(item, assumed=tuple(texts)), tuple(one[1] for one in runs)
+
+
+def pressed_text(item: Forecast) -> tuple[str, ...]:
+    """Return that no pump holds the pressure of a run, where delivery ends at an angle at which it cannot end so."""
+    peak, one = max(((float(np.max(one.pressure)), one) for one in item.both or (item,)), key=lambda pair: pair[0])
+    if peak <= MOST_PRESSED or one.ending not in ENDED_BY:
+        return ()
+    return (
+        f"Do not build on the run at {item.speed / RPM:.4g} rpm: if {ENDED_BY[one.ending]} ended delivery where this "
+        f"load ends, the chamber would be pressed to {short(peak / BAR, 2)} bar, which no pump holds; it ends another "
+        "way.",
+    )
 
 
 def with_forces(

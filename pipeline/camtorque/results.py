@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +13,11 @@ from camtorque.config.schemas import RECORDING_FILE
 from camtorque.hashes import file_digest, real_path
 from camtorque.process.folders import files_below
 from camtorque.records import InputFile, Refusal
+from camtorque.units import first_of
 
-NAME, CAMPAIGN = "result.json", "campaign.json"
-SCHEMA, CAMPAIGN_SCHEMA = "camtorque.result/1", "camtorque.campaign/1"
+NAME, CAMPAIGN, ENTRY = "result.json", "campaign.json", "entry.json"
+MOST_NAMED = 5
+SCHEMA, CAMPAIGN_SCHEMA, ENTRY_SCHEMA = "camtorque.result/1", "camtorque.campaign/1", "camtorque.entry/1"
 
 
 def find_results(path: Path) -> list[Path]:
@@ -24,14 +28,14 @@ def find_results(path: Path) -> list[Path]:
 
     Raises
     ------
-    Refusal : there is none; a campaign.json cannot be used
+    Refusal : there is none; a campaign.json cannot be used, or is older than results in its ``runs``
     """
     path = _of_campaign(path)
     if path.is_file():
         return [path]
     found = files_below(path, NAME)
     for campaign in files_below(path, CAMPAIGN):
-        runs, rows = campaign.parent / "runs", read_campaign(campaign)["recordings"]
+        runs, rows = campaign.parent / "runs", current_campaign(campaign)["recordings"]
         named = {campaign.parent / row["folder"] / NAME for row in rows if row["folder"]}
         found = [file for file in found if file in named or runs not in file.parents]
     if not found:
@@ -56,6 +60,42 @@ def read_result(path: Path) -> dict[str, Any]:
 def read_campaign(path: Path) -> dict[str, Any]:
     """Return the content of one campaign.json; refused as by `read_result`."""
     return read_document(path, CAMPAIGN_SCHEMA, "what `camtorque campaign` writes")
+
+
+def current_campaign(path: Path) -> dict[str, Any]:
+    """Return the content of a campaign.json that states the newest results beside it.
+
+    Raises
+    ------
+    Refusal : see `read_campaign`; a recording was computed or refused since it was written, by `--only` or a campaign
+        that was stopped
+    """
+    document = read_campaign(path)
+    named = {row["folder"] for row in document["recordings"]}
+    others = [entry for folder, entry in _entries(path.parent / "runs").items() if f"runs/{folder.name}" not in named]
+    later = sorted({entry["name"] for entry in others if _made(entry) > _made(document)})
+    if later:
+        raise Refusal(
+            f"{path}: is older than results of {first_of(later, MOST_NAMED)} that --only or a campaign that was "
+            "stopped has computed since, expected the index of the newest; run the campaign to its end, it computes "
+            "nothing twice"
+        )
+    return document
+
+
+def _entries(runs: Path) -> dict[Path, dict[str, Any]]:
+    """Return what became of each recording, by its folder; a damaged entry is the campaign's to tell."""
+    found = {}
+    for file in runs.glob(f"[!.]*/{ENTRY}"):
+        with suppress(Refusal):
+            found[file.parent] = read_document(file, ENTRY_SCHEMA, "what a campaign keeps of a recording")
+    return found
+
+
+def _made(document: Mapping[str, Any]) -> datetime:
+    """Return when something was written, long ago where it does not say."""
+    created = document.get("created")
+    return datetime.fromisoformat(created) if created else datetime.min.replace(tzinfo=UTC)
 
 
 def read_document(path: Path, schema: str, what: str) -> dict[str, Any]:
@@ -84,9 +124,16 @@ def read_results(paths: Sequence[Path]) -> dict[str, dict[str, Any]]:
 
 
 def refused_below(paths: Sequence[Path]) -> list[tuple[str, str]]:
-    """Return name and reason of what campaigns in and below some paths refused: it has no report to be found."""
+    """Return name and reason of what campaigns in and below some paths refused: it has no report to be found.
+
+    Of a campaign without an index, as `--only` leaves it, that is what each recording came to last.
+    """
     files = dict.fromkeys(file for path in paths for file in files_below(_of_campaign(path), CAMPAIGN))
     rows = [row for file in files for row in read_campaign(file)["recordings"]]
+    single = dict.fromkeys(file.parents[1] for path in paths for file in files_below(path, ENTRY))
+    for runs in single:
+        if not (runs.parent / CAMPAIGN).is_file():
+            rows += {entry["name"]: entry for entry in sorted(_entries(runs).values(), key=_made)}.values()
     return [(row["name"], row["error"]) for row in rows if row.get("status") == "refused"]
 
 
@@ -161,8 +208,9 @@ def refuse_changed(report: Path, files: Iterable[InputFile]) -> None:
 
 
 def _changed(result: Path, files: Sequence[Path]) -> Refusal:
+    maker = "campaign" if (result.parent / ENTRY).is_file() else "run"
     return Refusal(
         f"{result}: found other content in {', '.join(map(str, files))} than it was made of (by SHA-256), expected the "
-        "same; make the report again with `camtorque run`, or put the old content back, or run this in the folder "
+        f"same; make the report again with `camtorque {maker}`, or put the old content back, or run this in the folder "
         "where the report was made"
     )

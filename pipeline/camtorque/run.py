@@ -17,7 +17,8 @@ from camtorque.fit.single import FitOptions, Prepared, fit_prepared, prepare
 from camtorque.ingest import read_recording, summarise
 from camtorque.ingest.check import angle_speed_findings
 from camtorque.jsonable import now
-from camtorque.limits import Limit
+from camtorque.laws import STATED_NAMES
+from camtorque.limits import Limit, refuse_unknown_parameters
 from camtorque.mechanism.load_check import load_findings
 from camtorque.process.threads import on_one_thread
 from camtorque.progress import Progress, silent
@@ -55,6 +56,7 @@ class RunOptions:
         for value, kind in given:
             if not isinstance(value, kind):
                 raise Refusal(f"RunOptions: found a {type(value).__name__}, expected a camtorque.{kind.__name__}")
+        refuse_unknown_parameters(self.limits, STATED_NAMES)
 
 
 @contextmanager

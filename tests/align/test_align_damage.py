@@ -14,6 +14,7 @@ from camtorque.align import AlignOptions, align
 from camtorque.align.quality import CUTS, flat_top_findings
 from camtorque.ingest import read_recording
 from camtorque.records import CamCycles, Recording, Refusal
+from camtorque.report.verdict import DOUBTFUL
 from camtorque.signal.damage import clipped_samples, clips_below, damage_of, damage_of_each
 from camtorque.units import counted
 
@@ -213,6 +214,20 @@ def test_clipped_cycles_are_cut(quantity: str) -> None:
         return volts
 
     assert lost(align(edited(quantity, clip_half))) == {f"{quantity}_clipped": 16}
+
+
+@pytest.mark.parametrize("quantity", ["torque", "pressure"])
+def test_cycles_that_are_left_because_they_clip_least_are_told_as_that(quantity: str) -> None:
+    """The eight lowest of 31 cycles were fitted under the headline 'Explained'."""
+
+    def clip_most(volts: np.ndarray) -> np.ndarray:
+        most = 3 * volts.size // 4
+        volts[:most] = np.minimum(volts[:most], 0.9 * volts.max())
+        return volts
+
+    (told,) = [row for row in align(edited(quantity, clip_most)).findings if row.code == "low_cycles_used"]
+    assert re.search(f"others fail '{quantity}_clipped' .*: the used ones are those of the lowest peaks", told.text)
+    assert told.code in DOUBTFUL
 
 
 def test_two_clipped_humps_as_far_apart_as_they_are_long_are_clipped() -> None:

@@ -17,6 +17,7 @@ from camtorque import cli, export
 from camtorque.export import drawn_table, informed_parameters, trend_table
 from camtorque.records import Refusal
 from camtorque.report.document import result_document
+from camtorque.report.plots import trend_figure
 from camtorque.report.write import write_run
 from report.report_cases import run_result
 from scipy.io import loadmat
@@ -120,6 +121,14 @@ def test_a_trend_names_its_parameters_with_units_as_they_are_printed() -> None:
     assert list(informed_parameters({"A": document}).values()) == [
         "dead volume / mm³", "bulk modulus slope", "bearing arm / µm",
     ]  # fmt: skip
+
+
+def test_a_turned_label_of_a_trend_ends_below_its_own_tick() -> None:
+    """Dates were centred below theirs and ended below the next one's."""
+    table = pd.DataFrame({"date": ["2026-01-05", "2026-03-09"], "speed_rpm": [500.0, 900.0], "x": [1.0, 2.0]})
+    dates, speeds = trend_figure(table, {"date": "date", "speed_rpm": "speed / rpm"}, {"x": "x"}).axes
+    assert {(text.get_ha(), text.get_rotation()) for text in dates.get_xticklabels()} == {("right", 30.0)}
+    assert {(text.get_ha(), text.get_rotation()) for text in speeds.get_xticklabels()} == {("center", 0.0)}
 
 
 def test_further_channels_have_their_tables(tmp_path: Path) -> None:

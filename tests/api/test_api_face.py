@@ -425,6 +425,8 @@ def test_arguments_of_another_type_are_refused(pump_file: Path, arrays: dict[str
     alone = camtorque.Limit("parameters.leakage.value", 0.0, 1.0)
     with pytest.raises(camtorque.Refusal, match=r"found limits of type Limit, expected a tuple of camtorque\.Limit"):
         camtorque.RunOptions(limits=alone)  # type: ignore[arg-type]
+    with pytest.raises(camtorque.Refusal, match="found parameter 'leakge', did you mean 'leakage'"):
+        camtorque.RunOptions(limits=(camtorque.Limit("parameters.leakge.value", 0.0, 1.0),))
     with pytest.raises(camtorque.Refusal, match="predict: found the speed 'fast', expected numbers in rpm"):
         camtorque.predict(pump_file, "fast")  # type: ignore[arg-type]
     with pytest.raises(camtorque.Refusal, match="sensors: found a Sensor, expected one by name"):

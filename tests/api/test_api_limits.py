@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from camtorque import cli
 from camtorque.commands.run import run_options
+from camtorque.commands.texts import limit_lines
 from camtorque.config.tables import Refusals
 from camtorque.laws import STATED_NAMES
 from camtorque.limits import (
@@ -247,6 +248,53 @@ def test_a_recording_that_its_campaign_refused_does_not_pass(
     assert cli.main(["limits", str(file), str(tmp_path / "runs" / "a")]) == 0
 
 
+def entry(out: Path, key: str, name: str, created: str, status: str = "ok") -> None:
+    """Write what `campaign --only` leaves of a recording."""
+    (out / "runs" / key).mkdir(parents=True)
+    row = {"schema": "camtorque.entry/1", "created": created, "name": name, "status": status}
+    kept = json.dumps({**row, "error": "the log is cut"})
+    (out / "runs" / key / "entry.json").write_text(kept, encoding="utf-8")
+    if status == "ok":
+        document = {"schema": "camtorque.result/1", "recording": {"name": name}, "metrics": {"x": 1.0}}
+        (out / "runs" / key / "result.json").write_text(json.dumps(document), encoding="utf-8")
+
+
+def test_an_index_that_is_older_than_what_was_made_alone_since_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A recording that was put right and computed by --only passed and failed by what it had been before."""
+    entry(tmp_path, "older", "A", "2026-03-01T09:00:00+00:00")
+    entry(tmp_path, "used", "A", "2026-03-01T10:00:00+00:00")
+    index = {"schema": "camtorque.campaign/1", "created": "2026-03-01T11:00:00+01:00",
+             "recordings": [{"name": "A", "status": "ok", "folder": "runs/used"}]}  # fmt: skip
+    (tmp_path / "campaign.json").write_text(json.dumps(index), encoding="utf-8")
+    file = limits_file(tmp_path, '[[limit]]\nquantity = "metrics.x"\nmax = 2.0\n')
+    assert cli.main(["limits", str(file), str(tmp_path)]) == 0
+    entry(tmp_path, "newer", "A", "2026-03-01T10:00:01+00:00")
+    for path in (tmp_path, tmp_path / "campaign.json"):
+        with pytest.raises(Refusal, match=r"campaign.json: is older than results of A that --only .* run the campaign"):
+            find_results(path)
+    assert cli.main(["export", "--trend", str(tmp_path), "--out", str(tmp_path / "trend")]) == 2
+    assert find_results(tmp_path / "runs" / "used"), "a report that is named itself"
+    assert capsys.readouterr().err
+
+
+def test_what_was_refused_alone_does_not_pass_before_there_is_an_index(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An array job whose last command was left out passed by those of its recordings that had a report."""
+    entry(tmp_path, "a", "A", "2026-03-01T10:00:00+00:00")
+    entry(tmp_path, "b", "B", "2026-03-01T10:00:00+00:00", "refused")
+    (tmp_path / "runs" / "c").mkdir()
+    (tmp_path / "runs" / "c" / "entry.json").write_text("[]", encoding="utf-8")
+    file = limits_file(tmp_path, '[[limit]]\nquantity = "metrics.x"\nmax = 2.0\n')
+    for path in (tmp_path, tmp_path / "runs"):
+        assert cli.main(["limits", str(file), str(path)]) == 3
+        assert "B  cannot tell  [refused: the log is cut]" in capsys.readouterr().out
+    entry(tmp_path, "put right", "B", "2026-03-01T10:00:01+00:00")
+    assert cli.main(["limits", str(file), str(tmp_path)]) == 0
+
+
 def test_a_run_refuses_a_limit_of_no_parameter_before_it_begins(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -295,6 +343,14 @@ def test_a_verdict_has_the_unit_of_its_number_where_the_band_states_none(quantit
     }  # fmt: skip
     (row,) = limits_document(judge(document, [Limit(quantity, 0.0, 4.0, stated)]))["rows"]
     assert row["unit"] == unit
+
+
+def test_a_line_shows_the_uncertainty_that_decides() -> None:
+    """A value of 0.30 that cannot be told to be below 0.35 stood there without a reason to see."""
+    guarded = Limit("parameters.leakage.value", None, 0.35, guard=2.0)
+    lines = limit_lines(limits_document(judge(DOCUMENT, [guarded, Limit("metrics.fitted.rms_nm", None, 1.0)]))["rows"])
+    assert "0.3 ± 0.050    at most 0.35 mm^3/s/bar; within 2" in lines[0]
+    assert "±" not in lines[1]
 
 
 def test_a_guard_on_a_loss_takes_the_uncertainty_that_stands_beside_it() -> None:

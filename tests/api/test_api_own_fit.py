@@ -163,6 +163,8 @@ def test_a_fit_of_nothing_or_of_other_parameters_is_refused(own: OwnFit) -> None
         changed(own.parameters(), {name: {"vary": False} for name in own.names})
     with pytest.raises(Refusal, match=r"found no parameter '.*', expected all of own.parameters"):
         own.minimizer(type(own.parameters())())
+    with pytest.raises(Refusal, match=r"found parameters of type dict, expected those of own.parameters\(\)"):
+        own.minimizer({"leakage": 0.1})
 
 
 def test_the_command_tells_what_lmfit_tells(

@@ -120,9 +120,10 @@ def test_a_damaged_index_of_a_campaign_is_refused(tmp_path: Path, content: str, 
 
 
 def test_recordings_without_a_partner_are_named() -> None:
-    alone = {Path("raw/old/500"): 500.0 * RPM, Path("raw/old/b/recording.toml"): 894.0 * RPM}
+    """Of a campaign's report their folders were named, which are hashes."""
+    alone = [SimpleNamespace(id=name, nominal_speed=speed * RPM) for name, speed in (("A_500", 500.0), ("b", 894.0))]
     doc = {"before": {"left_out": left_out_rows(alone)}, "after": {"left_out": []}}
-    assert left_out(doc) == ("Left out of before, no partner of that speed: 500 (500 rpm), b (894 rpm).",)
+    assert left_out(doc) == ("Left out of before, no partner of that speed is left: A_500 (500 rpm), b (894 rpm).",)
 
 
 def test_a_recording_held_against_itself_is_refused() -> None:
@@ -277,9 +278,11 @@ def test_a_report_finds_its_recording_from_another_folder(tmp_path: Path, monkey
     monkeypatch.chdir(elsewhere)
     assert recording_path(report) == tmp_path / "raw" / "recording.toml"
     (tmp_path / "raw" / "recording.toml").write_text("another pump")
-    with pytest.raises(
-        Refusal, match=r"other content in .*raw/recording\.toml than it was made of .*, or run this in the folder"
-    ):
+    told = r"other content in .*raw/recording\.toml than it was made of .* with `camtorque {}`, .*, or run this in the"
+    with pytest.raises(Refusal, match=told.format("run")):
+        recording_path(report)
+    (report / "entry.json").touch()  # one of a campaign, into which `run` writes nothing
+    with pytest.raises(Refusal, match=told.format("campaign")):
         recording_path(report)
 
 
@@ -358,3 +361,5 @@ def test_events_are_told_in_words_and_never_as_certain() -> None:
     found = compare_events({"events": rows})
     assert found[0] == ("leakage past the plunger (clearance, wear) and trigger mounted at another angle", "> 99 %")
     assert found[1] == ("nothing changed", "40 %")
+    three = compare_events({"events": [{"groups": ["leakage", "spring", "feed"], "probability": 0.5}]})
+    assert three[0][0] == ", ".join([EVENTS["leakage"], f"{EVENTS['spring']} and {EVENTS['feed']}"])

@@ -312,6 +312,15 @@ def test_nuisances_pulled_off_their_sheet_are_told(record):
     assert finding.where == "cutoff"
 
 
+@pytest.mark.parametrize(("name", "pull", "told"), [("shaft_drag", 5.0, True), ("shaft_viscous", 5.0, True),
+                                                     ("cutoff", 5.0, False)])  # fmt: skip
+def test_a_drag_far_off_may_be_a_zero_that_nobody_read(record, name, pull, told):
+    """A torque channel 7.5 N m off its zero was told as a drag and as a law that is missing, never as a zero."""
+    row = next(row for row in record.parameters if row.name == name)
+    (finding,) = prior_findings([replace(row, value=row.prior[0] + pull * row.prior[1], at_bound=False)])
+    assert ("or for a torque zero that is off: note the reading at standstill" in finding.text) == told
+
+
 def test_a_pulled_logarithm_is_told_as_the_value_that_it_is_of(record):
     rows = {row.name: row for row in record.parameters}
     for name, value, text in (

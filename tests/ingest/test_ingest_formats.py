@@ -1,6 +1,7 @@
 """Every format gives back what was written, whole and in slices, in memory and from disk."""
 
 import builtins
+import re
 import sys
 from dataclasses import replace
 from datetime import datetime, timedelta
@@ -11,7 +12,7 @@ import h5py
 import numpy as np
 import pytest
 from camtorque.config import ChannelSpec
-from camtorque.ingest import catman, csv_log, lvm, mf4, read_recording, tdms, xlsx
+from camtorque.ingest import catman, csv_log, lvm, mf4, read_recording, summarise, tdms, xlsx
 from camtorque.ingest.csv_layout import SNIFF_BYTES, CsvLayout, sniff
 from camtorque.ingest.csv_log import ALIKE_ROWS, Damage, is_whole_row, parse_block
 from camtorque.ingest.formats import FORMATS
@@ -21,7 +22,7 @@ from damaged.build import MAT, PLANS, log_file
 from damaged.logs import DIALECTS, NAMES, START, Plan, clean_log, write_folder, write_mat5, write_mat73, write_tdms
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from nptdms import TdmsFile
+from nptdms import ChannelObject, TdmsFile, TdmsWriter
 
 LOG = clean_log(revolutions=6.0, start=0.0321)
 TOLERANCE = {"csv": 5.1e-5, "mf4": 3e-7, "hdf5": 0.0, "tdms": 0.0, "mat": 0.0, "catman": 0.0, "xlsx": 1e-15}
@@ -221,6 +222,20 @@ def test_several_tdms_files_share_their_dates(tmp_path: Path, monkeypatch: pytes
     write_tdms(folder / "PRESSURE.tdms", parts[1])
     starts = {channel.quantity: channel.start_time for channel in read_recording(folder).channels}
     assert starts == {"torque": 0.0, "pressure": pytest.approx(0.5, abs=1e-6), "trigger": 0.0}
+
+
+def test_channels_of_one_name_are_called_with_their_groups(tmp_path: Path):
+    """Cards that call every channel AI0: a warning on `log.tdms AI0` was of torque, pressure or trigger."""
+    example = Path(__file__).parents[2] / "raw_examples" / "A_1000rpm"
+    old = TdmsFile.read(example / "A_1000rpm_all.tdms")
+    channels = [(group.name, channel) for group in old.groups() for channel in group.channels()]
+    with TdmsWriter(tmp_path / "A_1000rpm_all.tdms") as writer:
+        writer.write_segment([ChannelObject(group, "AI0", item[:], item.properties) for group, item in channels])
+    text = (example / "recording.toml").read_text().replace("../../", f"{example.parents[1].as_posix()}/")
+    (tmp_path / "recording.toml").write_text(re.sub('(?m)^channel = ".*"', 'channel = "AI0"', text))
+    read = summarise(read_recording(tmp_path))
+    assert [row.name for row in read.channels] == ["Grp_torque/AI0", "Grp_pressure/AI0", "Grp_trigger/AI0"]
+    assert [channel.name for channel in read_recording(example).channels] == ["Torque", "Line_Pressure", "Prox_Trigger"]
 
 
 LAYOUT = CsvLayout("utf-8", ",", ".", 0, 0, ("a", "b", "c"), ("", "", ""), ("", "", ""), None)

@@ -45,7 +45,7 @@ def test_an_explained_run_says_gap_cause_and_how_sure() -> None:
     assert verdict(doc)["level"] == "good"
     parts = {part["head"]: part["text"] for part in answer(doc)}
     assert "above the rigid model" in parts["The gap"]
-    assert "The data need chamber, driveline." in parts["What closes it"]
+    assert "The data need chamber and driveline." in parts["What closes it"]
     assert "They cannot tell whether they need friction." in parts["What closes it"]
     assert "do as well without spring; what stands for it here is what sheet" in parts["What closes it"]
     assert (

@@ -179,7 +179,7 @@ def test_sources_of_a_variance_are_ranked_and_go_by_the_name_of_their_parameter(
     assert [item.label for item in marks] == ["bulk modulus", "cycles and model error", "other sources"]
     assert marks[-1].values == pytest.approx((100.0, 100.0))
     assert ranking(table)[0] == {
-        "outcome": "leakage", "sources": "cycles and model error 62 %, bulk modulus 35 %, other sources 4 %",
+        "outcome": "leakage", "sources": "cycles and model error 62 %; bulk modulus 35 %; other sources 4 %",
     }  # fmt: skip
 
 
@@ -373,7 +373,7 @@ def test_an_unexplained_recording_is_in_the_headline_which_is_not_green(small: t
     assert 'class="verdict good"' in calm
     failed = {**doc, "recordings": [{**doc["recordings"][0], "explained": False}, *doc["recordings"][1:]]}
     page = campaign_page(failed, view, ())
-    assert f"Not explained: {failed['recordings'][0]['name']}." in verdict_text(failed)
+    assert "Not explained: run 0 #1 (id run 0 #1)." in verdict_text(failed)
     assert 'class="verdict look"' in page
 
 
@@ -385,10 +385,10 @@ def test_a_recording_whose_report_asks_to_look_closer_does_so_on_the_page_of_the
     entries = (result.entries[0], asked)
     doc, view = campaign_document(replace(result, entries=entries)), campaign_view(entries, folder)
     page = campaign_page(doc, view, ())
-    assert re.findall(r'">([^<]*)</a> <span class="tag warning">look closer', page) == ["run 1 #1"]
+    assert re.findall(r'">([^<]*)</a> <span class="tag warning">look closer', page) == ["run 1 #1 (id run 1 #1)"]
     assert 'class="verdict look"' in page
-    assert "Look closer at run 1 #1." in verdict_text(doc)
-    assert "Look closer at run 1 #1: why, the top of its report says." in campaign_answer(doc)[-1]["text"]
+    assert "Look closer at run 1 #1 (id run 1 #1)." in verdict_text(doc)
+    assert "Look closer at run 1 #1 (id run 1 #1): why, the top of its report says." in campaign_answer(doc)[-1]["text"]
 
 
 def test_every_link_of_the_campaign_page_leads_somewhere(small: tuple[Path, CampaignResult]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -135,6 +136,17 @@ def test_what_the_other_ending_would_make_is_told_where_the_band_does_not_hold_i
     assert ending_text(item) == ()
     text = ending_text(replace(item, other=if_it_ended_so(item, run(-140.0, 1.0, "spill"))))[0]
     assert "up to 150 N m lower at" in text
+
+
+def test_an_ending_whose_pressure_no_pump_holds_is_no_other_one_and_nothing_to_build_on() -> None:
+    """Of a spill pump of 36 N m a land was offered as '405 N m higher', and predicted as 6000 ± 72000 bar."""
+    item, pressed = run(10.0, 1.0, "spill"), run(400.0, 1.0, "land", 6e8)
+    assert if_it_ended_so(item, pressed) is None
+    assert if_it_ended_so(item, replace(pressed, pressure=np.full(4, 3e8))) is not None
+    told = r"Do not build on the run at 477.5 rpm: if a land ended .* pressed to 6000 bar, which no pump holds"
+    for found in (pressed, either(item, pressed)):
+        assert re.match(told, *flow.pressed_text(found))
+    assert flow.pressed_text(item) == ()
 
 
 def test_an_ending_that_no_fitted_recording_has_lies_where_theirs_do_and_is_less_sure() -> None:

@@ -12,8 +12,9 @@ from camtorque.records import CamCycles, Estimate, FittedTorque
 from camtorque.report.alignment import aligned_cycles, write_alignment
 from camtorque.report.bundle import RunResult
 from camtorque.report.document import measured_chamber, measured_document
+from camtorque.report.gaps import gap_shares
 from camtorque.report.texts import measured_text
-from camtorque.report.write import write_run
+from camtorque.report.write import figures_of, write_run
 from report_cases import run_result
 
 BAR = 1e5
@@ -76,6 +77,18 @@ def test_an_alignment_says_where_its_pressure_was_measured(inside: bool, place: 
     config = SimpleNamespace(**{**vars(result.recording.config), "measures_chamber": inside})
     write_alignment(replace(result.recording, config=config), result.cycles, "2026-01-02T03:04:05+00:00", tmp_path)
     assert f">{place} pressure [bar]<" in (tmp_path / "align.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("inside", [False, True])
+def test_a_run_says_where_its_pressure_was_measured(inside: bool) -> None:
+    """The page of a sensor in the chamber spoke of a line, of a delivery valve and of a pressure that is rebuilt."""
+    result = run_result(with_chamber=not inside)
+    config = SimpleNamespace(**{**vars(result.recording.config), "measures_chamber": inside})
+    result = replace(result, recording=replace(result.recording, config=config))
+    drawn = figures_of(result)["pressure"]
+    told = " ".join([drawn.title, drawn.caption, *(row.meaning for row in gap_shares(result))])
+    assert ("line" in told.lower(), "rebuilt from the torque" in told) == (not inside, not inside)
+    assert "response to it" in told
 
 
 def test_nothing_is_said_to_agree_within_uncertainties_where_the_model_fails() -> None:

@@ -562,6 +562,9 @@ def test_the_lift_correction_goes_with_the_fitted_cam_and_with_no_other(
     assert (taken[0].lift is lift) == kept
     texts = assumptions(taken[0], FittedAt("a", 50.0, "land", 0.1, True), "that of a", "", None)
     assert any("corrected by up to 2 µm, as all fitted recordings ask for" in text for text in texts) == kept
+    exact = replace(taken[0], lift=replace(lift, values=np.zeros(4)))
+    said = assumptions(exact, FittedAt("a", 50.0, "land", 0.1, True), "that of a", "", None)
+    assert not any("The lift table is corrected" in text for text in said), "by up to 0 µm"
 
 
 def test_a_fit_that_leaves_its_recording_unexplained_is_refused(tmp_path: Path) -> None:

@@ -132,11 +132,15 @@ def _rare(found: CamCycles) -> tuple[Finding, ...]:
     used = found.index.size
     if used >= LEAST_USED * found.cycles_found:
         return ()
+    # cycles that reach no end of a range are those of the lowest load, at any scatter of it
+    code, then = "few_cycles_used", "are the used ones the running that is meant?"
+    if worst.reason.endswith("_clipped"):
+        code, then = "low_cycles_used", "the used ones are those of the lowest peaks; record within the range"
     text = (
         f"only {used} of {found.cycles_found} complete cycles are used, most others fail {worst.reason!r} "
-        f"({worst.cycles_single}: {worst.text}): are the used ones the running that is meant?"
+        f"({worst.cycles_single}: {worst.text}): {then}"
     )
-    return (Finding("few_cycles_used", "warning", text, "cut-flow"),)
+    return (Finding(code, "warning", text, "cut-flow"),)
 
 
 def _at_rest(recording: Recording, found: CamCycles) -> CamCycles:

@@ -16,15 +16,15 @@ from types import MappingProxyType
 from typing import Any
 
 from camtorque.fit.joint_input import JointInput
+from camtorque.jsonable import now
 from camtorque.process.stopping import before_leaving
 from camtorque.records import Refusal
 from camtorque.report.bundle import CampaignEntry
 from camtorque.report.files import write_json
 from camtorque.report.folder import LOCK, check_writable, locked
-from camtorque.results import CAMPAIGN
+from camtorque.results import CAMPAIGN, ENTRY, ENTRY_SCHEMA
 
-ENTRY, JOINT = "entry.json", "joint.bin"
-SCHEMA = "camtorque.entry/1"
+JOINT = "joint.bin"
 MARK = ".camtorque-campaign"
 """File that makes a folder the output of campaigns; the one that writes the index holds its lock."""
 FOREIGN_CLASSES = {
@@ -113,7 +113,7 @@ def removed(runs: Path, kept: Collection[str]) -> tuple[int, int]:
 
 def write_entry(folder: Path, entry: CampaignEntry) -> None:
     """Remember what became of a recording."""
-    write_json(folder / ENTRY, {"schema": SCHEMA, **asdict(entry)})
+    write_json(folder / ENTRY, {"schema": ENTRY_SCHEMA, "created": now(), **asdict(entry)})
 
 
 def read_entry(folder: Path) -> CampaignEntry | None:
@@ -125,7 +125,7 @@ def read_entry(folder: Path) -> CampaignEntry | None:
     """
     try:
         content = json.loads((folder / ENTRY).read_text(encoding="utf-8"))
-        return CampaignEntry(**{key: value for key, value in content.items() if key != "schema"})
+        return CampaignEntry(**{key: value for key, value in content.items() if key not in ("schema", "created")})
     except FileNotFoundError:
         return None
     except (ValueError, TypeError, AttributeError) as error:

@@ -11,8 +11,7 @@ from camtorque.commands.arguments import LEAST_GRID
 from camtorque.commands.texts import limit_lines, run_table
 from camtorque.grid_choice import grid_note
 from camtorque.hashes import real_path
-from camtorque.laws import STATED_NAMES
-from camtorque.limits import PASS, read_limits, refuse_unknown_parameters
+from camtorque.limits import PASS, read_limits
 from camtorque.process.second_process import second_process
 from camtorque.records import Refusal, require
 from camtorque.report.folder import seal
@@ -54,7 +53,6 @@ def run_options(arguments: argparse.Namespace, tell: Tell) -> RunOptions:
         require(("weasyprint",), "--pdf", "pdf")
     given = getattr(arguments, "limits", None)
     limits = () if given is None else read_limits(given)
-    refuse_unknown_parameters(limits, STATED_NAMES)
     return RunOptions(_align(arguments, tell), limits=limits)
 
 

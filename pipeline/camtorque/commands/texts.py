@@ -8,9 +8,10 @@ from typing import Any
 
 from camtorque.hashes import real_path
 from camtorque.report.answer import estimate_text, needs, work_parts, work_text
-from camtorque.report.numbers import named, typeset, words
+from camtorque.report.numbers import named, plus_minus, typeset, words
 from camtorque.report.verdict import (
     bump_place,
+    called,
     doubtful,
     doubtful_input,
     known_metrics,
@@ -88,20 +89,20 @@ def _signed(value: float, decimals: int) -> str:
 
 def campaign_table(doc: Mapping[str, Any]) -> str:
     """Return the content of campaign.json as a compact table."""
-    wide = max(22, *(len(row["name"]) for row in doc["recordings"]))
+    wide = max(22, *(len(called(row)) for row in doc["recordings"]))
     heads = f"{'rpm':>8}{'rigid RMS':>11}{'fitted':>9}{'joint':>9}{'left out':>9}{'peak error':>12}"
     lines = [f"{'recording':{wide}}{heads}"]
     left = {row["name"]: row["metrics"] for row in doc["held_out"] if row["mode"] == "own_zero_and_end"}
     for row in doc["recordings"]:
         if row["status"] != "ok":
-            lines.append(f"{row['name']:{wide - 1}} refused: {row['error']}")
+            lines.append(f"{called(row):{wide - 1}} refused: {row['error']}")
             continue
         out = left.get(row["id"])
         shares = [row["metrics"]["rigid"], row["metrics"]["fitted_held_out_cycles"],
                   (row["metrics_joint"] or {}).get("fitted_held_out_cycles"), out]  # fmt: skip
         texts = [f"{m['rms_percent_of_peak']:.{2 if k == 0 else 3}f} %" if m else "-" for k, m in enumerate(shares)]
         high = f"{_signed(known_metrics(out).peak_excess_percent, 1)} %" if out else "-"
-        name = f"{row['name']:{wide}}{row['speed_rpm']:8.1f}"
+        name = f"{called(row):{wide}}{row['speed_rpm']:8.1f}"
         lines.append(f"{name}{texts[0]:>11}{texts[1]:>9}{texts[2]:>9}{texts[3]:>9}{high:>12}")
     if said := needs(doc["evidence"]):
         lines.append(f"losses    {' '.join(said)}")
@@ -138,9 +139,10 @@ def loud_findings(findings: Sequence[Mapping[str, Any]]) -> list[str]:
 def limit_lines(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return one line per limit."""
     numbers = ["-" if row["value"] is None else f"{row['value']:.5g}" for row in rows]
+    errors = [f"± {plus_minus(row['stderr'])}" if row["stderr"] else "" for row in rows]
     return [
-        f"{row['verdict']:12}{row['quantity']:48}{number:>12}  {_band(row)}"
-        for row, number in zip(rows, numbers, strict=True)
+        f"{row['verdict']:12}{row['quantity']:48}{number:>12} {error:10} {_band(row)}"
+        for row, number, error in zip(rows, numbers, errors, strict=True)
     ]
 
 

@@ -96,7 +96,8 @@ PUMP = TableSchema("[pump]", "catalogue values of the pump; `run` needs them, `a
 ), required=False)  # fmt: skip
 
 TRIGGER = TableSchema("[trigger]", "what tells the cam angle", (
-    Key("nominal_angle_deg", "number", "cam angle at which the edge (of tooth 1 after the mark) comes", "deg",
+    Key("nominal_angle_deg", "number",
+        "cam angle at which the edge comes (of tooth 1 after the mark), or of the zero of a recorded angle", "deg",
         band=ANGLE),
     Key("installation_tolerance_deg", "number", "half width of its mounting tolerance", "deg",
         band=Band(0.0, 180.0, "beyond half a revolution nothing is known")),

@@ -223,6 +223,11 @@ class RecordingConfig:
         """The loggers whose clock is their own; all others share one."""
         return frozenset(logger.id for logger in self.loggers if logger.clock == "independent")
 
+    def name_of(self, spec: ChannelSpec) -> str:
+        """Return what texts call a channel: with its group where another one of its file has its name."""
+        alike = [one for one in self.channels if (one.path, one.channel) == (spec.path, spec.channel)]
+        return f"{spec.group}/{spec.channel}" if spec.group and len(alike) > 1 else spec.channel
+
     def share_clock(self, one: str, other: str) -> bool:
         """Return whether two loggers are one, or on the common clock."""
         return one == other or not self.own_clocks & {one, other}

@@ -314,10 +314,17 @@ def _reach(middle: Array | float, *bands: tuple[Array | float, Array | float]) -
     return np.asarray(np.max(ends, axis=0))
 
 
+MOST_PRESSED = 4.0e8
+"""Chamber pressure that no injection pump holds [Pa]: an outlet that closes far below full lift asks for more."""
+
+
 def if_it_ended_so(item: Forecast, other: Forecast) -> OtherEnding | None:
-    """Return by how much the torque would differ at most with the other ending, None where the band holds it."""
+    """Return by how much the torque would differ at most with the other ending.
+
+    None where the band holds it, or where no pump would hold the pressure that it makes.
+    """
     apart = other.torque - item.torque
-    if np.all(np.abs(apart) < COVERAGE * item.torque_std):
+    if np.all(np.abs(apart) < COVERAGE * item.torque_std) or np.max(other.pressure) > MOST_PRESSED:
         return None
     place = int(np.argmax(np.abs(apart)))
     return OtherEnding(other.ending, float(apart[place]), float(item.theta[place]))

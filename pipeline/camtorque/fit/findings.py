@@ -30,6 +30,11 @@ LOAD_FRICTIONS, NO_FRICTION = ("bearing_arm", "pin_arm", "guide_friction"), 0.02
 """Frictions that grow with the load, and the share of what is expected of each below which it is none."""
 
 
+STEADY_DRAGS = ("shaft_drag", "shaft_viscous")
+LIKE_A_ZERO = ", or for a torque zero that is off: note the reading at standstill before and after"
+"""What drags that are constant at one speed cannot be told from, and how it is."""
+
+
 def prior_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ...]:
     """Return the nuisances that the data pull far off what was known; for the trigger see `mounting_findings`."""
     result = []
@@ -44,7 +49,7 @@ def prior_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ..
                 f"{name.replace('_', ' ')}{f' of {recording}' if recording else ''} is {value}"
                 f"{', at its bound,' if row.at_bound else ','} {abs(pull):.1f} standard deviations off what was "
                 f"expected ({expected}; {row.source}): either this bench has it so, or it stands in for something "
-                "that the model lacks"
+                f"that the model lacks{LIKE_A_ZERO if name in STEADY_DRAGS and pull > 0.0 else ''}"
             )
             result.append(Finding("prior_pulled", "warning", text, row.name))
     return tuple(result)

@@ -72,7 +72,7 @@ def summarise(recording: Recording, pulses: Mapping[str, Array] = MappingProxyTy
     findings = list(recording.findings)
     summaries, speeds, trains = [], [], {}
     first_triggers = {channel.logger: channel for channel in reversed(recording.of("trigger"))}
-    units = {(spec.quantity, spec.channel): spec.output_unit for spec in config.channels}
+    units = {(spec.quantity, config.name_of(spec)): spec.output_unit for spec in config.channels}
     for channel in recording.channels:
         scan = scan_channel(channel)
         findings += _sample_findings(channel, scan, units.get((channel.quantity, channel.name), ""))

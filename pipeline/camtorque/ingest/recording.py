@@ -190,7 +190,8 @@ def _span(raw: RawChannel, scale: float) -> float:
 def _channel(
     config: RecordingConfig, spec: ChannelSpec, raw: RawChannel, start: float, sensor: Sensor | None
 ) -> tuple[Channel, list[Finding]]:
-    where, findings, unit = f"{spec.path.name} {spec.channel}", list[Finding](), tidy_unit(spec.unit)
+    name, findings, unit = config.name_of(spec), list[Finding](), tidy_unit(spec.unit)
+    where = f"{spec.path.name} {name}"
     scale, is_volts = _scale(spec)
     if raw.unit.strip("-") and not is_known_unit(raw.unit) and absolute_unit(raw.unit) != unit:
         text = f"the file's unit {raw.unit!r} is not known; {spec.unit!r} of recording.toml is used"
@@ -211,7 +212,7 @@ def _channel(
     if calibration is not None and reference is not None and reference.idle_from is not None:
         calibration = _idle_zero(calibration, reference, raw, scale, where)
     channel = Channel(
-        spec.quantity, spec.logger, raw.source, start, raw.sample_rate, calibration, spec.path, spec.channel,
+        spec.quantity, spec.logger, raw.source, start, raw.sample_rate, calibration, spec.path, name,
         scale=scale, sign=-1.0 if spec.quantity == "torque" and config.rotation < 0 else 1.0,
         breaks=raw.breaks, break_steps=raw.break_steps,
     )  # fmt: skip

@@ -8,7 +8,15 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from camtorque.records import APART, EITHER_LOSS, KNOWLEDGE, TOGETHER
-from camtorque.report.numbers import plus_minus, rounded_to_error, significant, with_decimals, with_sign, words
+from camtorque.report.numbers import (
+    in_a_row,
+    plus_minus,
+    rounded_to_error,
+    significant,
+    with_decimals,
+    with_sign,
+    words,
+)
 from camtorque.report.verdict import Document, bump_places, differs
 
 ABOVE_NOISE = 1.2
@@ -104,7 +112,7 @@ def needs(evidence: Mapping[str, Any]) -> list[str]:
     for verdict_word, text, then in SAID:
         names = [words(name) for name, row in evidence.items() if row["verdict"] == verdict_word]
         if names:
-            found.append(f"{text} {', '.join(names)}{then}.")
+            found.append(f"{text} {in_a_row(names)}{then}.")
     return found
 
 

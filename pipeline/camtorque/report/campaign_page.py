@@ -47,7 +47,7 @@ from camtorque.report.numbers import (
 )
 from camtorque.report.page import Drawing, drawing_of, render, write_figures
 from camtorque.report.texts import parameter_row
-from camtorque.report.verdict import doubtful, known_metrics, unexplained
+from camtorque.report.verdict import called, doubtful, known_metrics, unexplained
 from camtorque.results import CAMPAIGN, CAMPAIGN_SCHEMA
 from camtorque.units import LOGARITHM
 from camtorque.version import __version__
@@ -237,7 +237,7 @@ def campaign_page(doc: Mapping[str, Any], view: CampaignView, drawings: Sequence
     return render(
         "campaign.html", drawings, title="Campaign", doc=doc, verdict=verdict_text(doc),
         good=not (doc["n_refused"] or serious or unexplained(doc) or doubtful(doc)), known_metrics=known_metrics,
-        answer=campaign_answer(doc),
+        answer=campaign_answer(doc), called=called,
         shared=[parameter_row(name, row, True) | {"drift": _drift_text(row, drifts.get(name))}
                 for name, row in best_first],
         links=dict(zip(view.names, view.links, strict=True)),

@@ -18,7 +18,7 @@ from camtorque.jsonable import jsonable
 from camtorque.records import Array, ReadOnly
 from camtorque.report.chart import CAM_ANGLE, WIDE, Band, Curves, Line, Marks, Panel, RowPanel, Rows, phases, strokes
 from camtorque.report.files import write_json, write_page
-from camtorque.report.numbers import UNKNOWN, plus_minus, rounded_to_error, significant, unit_text, words
+from camtorque.report.numbers import UNKNOWN, in_a_row, plus_minus, rounded_to_error, significant, unit_text, words
 from camtorque.report.page import Drawing, drawing_of, render, write_figures
 from camtorque.units import BAR, DEGREE, LOGARITHM
 
@@ -176,14 +176,14 @@ def left_out(document: Mapping[str, Any]) -> tuple[str, ...]:
             f"{row['recording']} ({significant(row['speed_rpm'], 4)} rpm)" for row in document[side].get("left_out", ())
         ]
         if rows:
-            found.append(f"Left out of {side}, no partner of that speed: {', '.join(rows)}.")
+            found.append(f"Left out of {side}, no partner of that speed is left: {', '.join(rows)}.")
     return tuple(found)
 
 
 def compare_events(document: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return what may have happened, in words, with its probability, the most probable first."""
     return [
-        (" and ".join(EVENTS[name] for name in row["groups"]) or "nothing changed", percent(row["probability"]))
+        (in_a_row([EVENTS[name] for name in row["groups"]]) or "nothing changed", percent(row["probability"]))
         for row in document.get("events", ())
     ]
 

@@ -189,5 +189,5 @@ def ranking(table: Mapping[str, Mapping[str, float]]) -> list[dict[str, str]]:
     rows = []
     for outcome, parts in table.items():
         first = sorted(parts.items(), key=lambda item: -item[1])[:3]
-        rows.append({"outcome": words(outcome), "sources": ", ".join(f"{name} {share:.0f} %" for name, share in first)})
+        rows.append({"outcome": words(outcome), "sources": "; ".join(f"{name} {share:.0f} %" for name, share in first)})
     return rows

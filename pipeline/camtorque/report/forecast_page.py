@@ -263,7 +263,7 @@ def assumptions(known: KnownFit, source: FittedAt, load: str, clearance: str, ot
     if clearance:
         base = "" if "um" in clearance[:-2] else f", counted from {CLEARANCE * 1e6:g} µm"
         texts.append(f"Clearance {clearance}{base}: leakage in proportion to its third power.")
-    if known.lift is not None:
+    if known.lift is not None and np.any(known.lift.values):
         largest = float(np.max(np.abs(known.lift.values)))
         texts.append(f"The lift table is corrected by up to {1e6 * largest:.1g} µm, as all fitted recordings ask for.")
     if known.unexplained:
@@ -321,8 +321,8 @@ def step_text(item: Forecast) -> tuple[str, ...]:
     return (
         f"Do not build on the torque at {item.speed / RPM:.4g} rpm: within what the fit leaves open it goes one way or "
         "another, as beside a delivery valve that is near chattering. The curve is the middle one of many, its peak "
-        f"known to ± {100.0 * COVERAGE * item.torque_std[top] / item.torque[top]:.2g} %; a recording near that speed "
-        "would tell.",
+        f"known to ± {short(100.0 * COVERAGE * item.torque_std[top] / item.torque[top], 2)} %; a recording near that "
+        "speed would tell.",
     )
 
 

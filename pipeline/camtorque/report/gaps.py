@@ -24,6 +24,11 @@ MEANINGS = {
     RESIDUAL: "left over by the fitted model",
 }
 """What a row means where its name alone does not say it."""
+INSIDE = {
+    ANGLE: "chamber pressure at the true cam angle: trigger angle, twist, speed within the revolution",
+    CHAMBER: "the transducer's response to it",
+}
+"""The same where the pressure is measured in the chamber."""
 
 
 @dataclass(frozen=True)
@@ -72,10 +77,11 @@ def _grouped(causes: Mapping[str, Array], names: Mapping[str, Array]) -> dict[st
 def gap_shares(result: RunResult) -> tuple[GapShare, ...]:
     """Return the share of each cause, the largest first, the residual last; causes that are zero are left out."""
     assert result.cycles.torque is not None
+    meanings = MEANINGS | INSIDE if result.recording.config.measures_chamber else MEANINGS
     forward, fall, lowest = parts_of_gap(result.rigid, result.cycles.mean_torque)
     rows = [
         GapShare(
-            name, MEANINGS.get(name, ""),
+            name, meanings.get(name, ""),
             (float(np.mean(curve[forward])), float(np.mean(curve[fall])), float(curve[lowest])),
             result.fitted.gap_stderr.get(name),
         )

@@ -37,7 +37,9 @@ def trend_figure(table: Any, axes: Mapping[str, str], quantities: Mapping[str, s
                 _draw(panel, table, name, quantity)
         for panel, label in zip(panels[-1], over.values(), strict=True):
             panel.set_xlabel(label)
-            panel.tick_params(axis="x", rotation=0 if label.startswith(("speed", "peak", "fuel")) else 30)
+            for text in () if label.startswith(("speed", "peak", "fuel")) else panel.get_xticklabels():
+                # a turned one that is centred ends below the next tick
+                text.set(rotation=30, horizontalalignment="right", rotation_mode="anchor")
     return figure
 
 

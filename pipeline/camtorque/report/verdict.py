@@ -36,6 +36,7 @@ DOUBTFUL = {
     "torque_against_model": "a torque that does not suit the plunger of the sheet",
     "torque_beyond_pressure": "a torque that no such pressure makes",
     "torque_flat_top": "a torque whose top is cut off",
+    "low_cycles_used": "only those cycles that stay within the range of a sensor",
     "torque_size_drifts": "a torque whose size drifts beside its pressure",
     "csv_cut_row": "a log that may be cut short",
     "mains_hum": "mains hum that stays in the mean torque",
@@ -113,14 +114,23 @@ def missed_limits(held: Document) -> list[str]:
     ]
 
 
+def called(row: Document) -> str:
+    """Return what a recording of a campaign.json is called: its folder, and its id where that is another.
+
+    A joint fit and a recording's own page go by ids.
+    """
+    folder, known_by = row["name"], row.get("id")
+    return folder if not known_by or known_by == folder.rpartition("/")[2] else f"{folder} ({known_by})"
+
+
 def unexplained(doc: Document) -> list[str]:
     """Return the names of the recordings of a campaign.json that the model does not explain."""
-    return [row["name"] for row in doc["recordings"] if row.get("explained") is False]
+    return [called(row) for row in doc["recordings"] if row.get("explained") is False]
 
 
 def doubtful(doc: Document) -> list[str]:
     """Return the names of the recordings of a campaign.json whose own page asks to look closer."""
-    return [row["name"] for row in doc["recordings"] if row.get("verdict") == "look"]
+    return [called(row) for row in doc["recordings"] if row.get("verdict") == "look"]
 
 
 def known_metrics(row: Document) -> Metrics:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -34,6 +34,7 @@ class FigureSpec:
     png: bool = False
 
 
+PRESSURE = "pressure"
 FIGURES: dict[str, FigureSpec] = {
     "torque_full": FigureSpec(
         "Torque over one revolution",
@@ -41,7 +42,7 @@ FIGURES: dict[str, FigureSpec] = {
         "lie on the measured mean. Below: what the fit leaves over, on cycles that were not fitted.",
         curve_figures.full_cycle, "curves", True, True,
     ),
-    "pressure": FigureSpec(
+    PRESSURE: FigureSpec(
         "Line pressure and chamber pressure", "A sensor behind the delivery valve: the chamber pressure, which loads "
         "the plunger, is rebuilt from the torque and the laws of the chamber. Where none is shown the measured "
         "pressure is what loads it.",
@@ -101,6 +102,16 @@ FIGURES: dict[str, FigureSpec] = {
     ),
 }  # fmt: skip
 """File name -> figure."""
+INSIDE = "Pressure in the chamber", "Its sensor measures what loads the plunger: nothing of it is rebuilt."
+"""Title and caption of the pressure where it is measured in the chamber."""
+
+
+def figures_of(result: RunResult) -> dict[str, FigureSpec]:
+    """Return the figures of a run, each called what its sensors make of it."""
+    if not result.recording.config.measures_chamber:
+        return FIGURES
+    title, caption = INSIDE
+    return FIGURES | {PRESSURE: replace(FIGURES[PRESSURE], title=title, caption=caption)}
 
 
 def write_run(result: RunResult, folder: Path) -> dict[str, Any]:
@@ -109,7 +120,7 @@ def write_run(result: RunResult, folder: Path) -> dict[str, Any]:
     write_cycles(folder / "cycles.h5", result.recording, result.cycles, result_variables(result))
     drawings = [
         drawing_of(name, chart, spec.title, spec.caption, spec.section, spec.wide, spec.png)
-        for name, spec in FIGURES.items()
+        for name, spec in figures_of(result).items()
         if (chart := spec.draw(result)) is not None
     ]
     write_figures(drawings, folder / "figures")
