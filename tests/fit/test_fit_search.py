@@ -82,6 +82,18 @@ def on_a_heavy_cam(data, cam):
     return replace(data, chain=replace(data.chain, pump=replace(data.chain.pump, cam_inertia=cam)))
 
 
+def test_a_pump_without_a_port_starts_with_a_suction_valve_on_drives_that_yield(found, monkeypatch):
+    monkeypatch.setattr(search, "with_hubs", lambda start: [with_starts(start.data, {"coupling_damping": 0.07})])
+    seen = found.start.data
+    moved = search.through_suction_valve(replace(found, starts={**found.starts, "open": []}), seen)
+    assert list(moved) == ["open"]
+    assert len(moved["open"]) == 2
+    for item in moved["open"]:
+        assert item.rows["port_closing_lift"].start == item.rows["port_closing_lift"].lower
+        assert item.rows["suction_area"].start > item.rows["valve_area"].start
+    assert search.through_suction_valve(found, seen) == {}  # whose pump is not asked for that way of ending
+
+
 def test_shafts_that_ring_alike_pass_the_torque_alike_and_turn_no_lighter_cam():
     item = on_a_heavy_cam(with_starts(quick_data(LAND), MIRRORED), 1.15e-3)
     omega = 2.0 * np.pi * np.linspace(0.0, 1500.0, 40)

@@ -69,6 +69,8 @@ REDRAWN = (
     (*COUPLING_NAMES, *SENSOR_NAMES),
 )
 """Parameters that are drawn anew together: liquid, ports and leakage; the delivery valve; couplings and transducer."""
+SUCTION = 3.0
+"""Area of a suction valve at first, over that of a delivery valve: 1 bar fills what 10 bar deliver."""
 ELSEWHERE = 4
 """A hop of so many begins in another structure, where nothing satisfies yet."""
 Items = dict[str, list[FitData]]
@@ -207,6 +209,20 @@ def load_anew(found: SearchState, seen: FitData) -> Items:
             for name in found.starts if name != "line"}  # fmt: skip
 
 
+def through_suction_valve(found: SearchState, seen: FitData) -> Items:
+    """Return starts of a pump that no port fills, closed from the lowest lift on; on drives that yield, too.
+
+    Where a line's pressure rests on the cam all around, such a drive moves the whole load.
+    """
+    if "open" not in found.starts:
+        return {}
+    item, *_ = first_starts(seen, "open")
+    rows = item.rows
+    known = {"port_closing_lift": rows["port_closing_lift"].lower, "suction_area": SUCTION * rows["valve_area"].start}
+    item = with_starts(item, known)
+    return {"open": [item, *with_hubs(Start(item, no_lift(), np.inf))]}
+
+
 def scanned_again(found: SearchState, _seen: FitData) -> Items:
     """Return the best start in every likely structure with the end of delivery where a scan puts it."""
     start = found.start
@@ -244,6 +260,7 @@ MOVES: dict[str, Move] = {
     "coupling": Move(within_structure(scanned, COUPLINGS, "coupling_resonance"), UNSMOOTHED, DOUBTFUL),
     "heavier cam": Move(within_structure(with_heavier_cams), UNSMOOTHED, SUSPECT),
     "hub": Move(within_structure(with_hubs), UNSMOOTHED, SUSPECT),
+    "suction valve": Move(through_suction_valve, UNSMOOTHED, UNEXPLAINED),
     "load anew": Move(load_anew, SMOOTHINGS_DEG, UNEXPLAINED),
     "hub alone": Move(within_structure(with_hubs_alone), UNSMOOTHED, UNEXPLAINED),
 }
