@@ -39,6 +39,7 @@ from camtorque.fit.load_file import (
     rise_range,
     top_range,
 )
+from camtorque.fit.own_start import predicted_to_begin
 from camtorque.hashes import input_file, input_files
 from camtorque.ingest import read_recording
 from camtorque.ingest.pump_file import read_pressure_curve
@@ -203,7 +204,7 @@ def _at_speed(
         item = either(item, runs[1][0])
     elif given is not None and not asked.ending and item.ending in END_OF:
         item = replace(item, other=if_it_ended_so(item, run(the_other(known, sources[0], speed))[0]))
-    load = load_text(sources[0], asked.name, given, speed)
+    load = load_text(sources[0], asked.name, given, speed) + predicted_to_begin(known, sources[0])
     beyond: tuple[str, ...] = ()
     if given is not None:
         beyond = beyond_text(float(np.max(given.pressure)), top_range(templates.values()))

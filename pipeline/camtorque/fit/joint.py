@@ -50,6 +50,7 @@ from camtorque.fit.joint_solver import JointSolution, solve_many
 from camtorque.fit.leftout import HeldOut, left_out, poor_findings, predicted, settling_findings
 from camtorque.fit.minima import attempted
 from camtorque.fit.one_ending import searched_anew, with_known, with_one_ending
+from camtorque.fit.own_start import start_findings, with_own_starts
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import FitData, Problem, build_problem, started_at
 from camtorque.fit.result import parameter_estimates
@@ -246,6 +247,7 @@ def _fit_joint(known: Sequence[FittedAlone], read: Callable[[int], JointInput], 
             for found in prior_findings(one.parameters)
         ),
         *contradiction_findings(contradiction(fit.covariance.inflation, [item.inflation for item in used])),
+        *start_findings(problem),
         *drift_findings(drifts),
         *aside_findings(excluded, [item.name for item, one in zip(used, fitted, strict=True) if not one.explained]),
         *poor_findings(held),
@@ -262,15 +264,20 @@ def _fit_joint(known: Sequence[FittedAlone], read: Callable[[int], JointInput], 
 def _solved(known: Sequence[FittedAlone], each: Each) -> tuple[list[int], list[FittedAlone], Problem, JointSolution]:
     """Return the places of the recordings that fit together, these as they are fitted, and their joint minimum."""
     refuse_two_states(known)
-    places, used = list(range(len(known))), with_own_triggers(known)
-    problem, solution = solve_joint(used, each)
+    places = list(range(len(known)))
+    used, problem, solution = _together(known, each)
     while odd := fitting_no_other(solution.misfits):
         places = [place for k, place in enumerate(places) if k not in odd]
-        used = with_own_triggers([known[place] for place in places])
-        problem, solution = solve_joint(used, each)
+        used, problem, solution = _together([known[place] for place in places], each)
     problem, solution = with_one_ending(problem, solution, each)
     problem, solution = with_likelier_pin(problem, solution, each)
     return places, used, problem, solution
+
+
+def _together(known: Sequence[FittedAlone], each: Each) -> tuple[list[FittedAlone], Problem, JointSolution]:
+    """Return recordings with what is each one's own, and their joint minimum."""
+    used = with_own_triggers(known)
+    return with_own_starts(used, *solve_joint(used, each), partial(solve_joint, each=each))
 
 
 def fitting_no_other(misfits: Array) -> list[int]:

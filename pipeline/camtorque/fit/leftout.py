@@ -24,6 +24,7 @@ from camtorque.fit.joint_input import JointInput
 from camtorque.fit.joint_solver import JointSolution, joint_setup, solve_many, try_at
 from camtorque.fit.known_ends import END_OF, WIDTHS_OF, Curve
 from camtorque.fit.known_fit import FRACTIONS, FittedAt, KnownFit, LoadKnowledge, draws, middle, steps
+from camtorque.fit.own_start import BEGIN, begun_as_nearest
 from camtorque.fit.prepare import cam_angles
 from camtorque.fit.problem import NEUTRAL, FitData, Problem, build_problem, started_at, with_starts
 from camtorque.fit.quadratic import bounded_quadratic
@@ -208,7 +209,8 @@ def predicted(fit: JointFit, others: LeaveOneOut, index: int, item: JointInput) 
     data = with_starts(data, shared)
     own = _prediction(item, data, {**shared, "pressure_zero": 0.0}, MODES[0], correction)
     nothing = dict.fromkeys((TRIGGER_ANGLE, "pressure_zero", "torque_zero", *ripple.NAMES), 0.0)
-    blind = {**nothing, **shared, **ends}  # the trigger's angle is shared by recordings of one trigger
+    # the trigger's angle is shared by recordings of one trigger
+    blind = {**nothing, **shared, **begun_as_nearest(known, data), **ends}
     return (own, _prediction(item, with_starts(data, blind), blind, MODES[1], correction)), settled
 
 
@@ -324,7 +326,8 @@ def _fits_trigger(row: HeldOut) -> bool:
 
 def _mode_text(row: HeldOut) -> str:
     text = MODE_TEXTS[row.mode]
-    return text.replace("own zero", "own zero, trigger angle") if _fits_trigger(row) else text
+    text = text.replace("own zero", "own zero, trigger angle") if _fits_trigger(row) else text
+    return text.replace("end of", "start and end of") if BEGIN[0] in row.fitted_on_held_out else text
 
 
 def _poor_text(name: str, rows: Sequence[HeldOut]) -> str:

@@ -1,0 +1,97 @@
+"""Where delivery begins in the recordings of one pump: at one lift in all, or at one of its own in each.
+
+An inlet port closes at the same lift whatever the load is. A pump that is metered at its inlet, by a valve that is
+switched or by an edge of the plunger that turns, begins elsewhere at every load.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from camtorque.fit.drift import CONTRADICTED, contradiction
+from camtorque.fit.joint_fit import joint_covariance
+from camtorque.fit.joint_input import FittedAlone
+from camtorque.fit.joint_solver import JointSolution
+from camtorque.fit.known_fit import FittedAt, KnownFit
+from camtorque.fit.one_ending import OTHERWISE
+from camtorque.fit.prepare import INDEPENDENT
+from camtorque.fit.problem import SEPARATOR, FitData, Problem, with_rows
+from camtorque.records import Finding
+
+BEGIN = ("port_closing_lift", "port_span")
+"""Parameters that say where, and over how much of the lift, the inlet closes."""
+Solve = Callable[[Sequence[FittedAlone]], tuple[Problem, JointSolution]]
+
+
+def with_own_starts(
+    inputs: Sequence[FittedAlone], problem: Problem, solution: JointSolution, solve: Solve
+) -> tuple[list[FittedAlone], Problem, JointSolution]:
+    """Return recordings and their joint minimum, each with its own start of delivery where that is better by enough.
+
+    It is asked where recordings that are met alone contradict one another. What it has to gain is as in
+    `one_ending.with_one_ending`.
+
+    Parameters
+    ----------
+    solve : gives the joint minimum of recordings
+    """
+    inflation = joint_covariance(problem, solution).inflation
+    if contradiction(inflation, [item.inflation for item in inputs]) <= CONTRADICTED or len(inputs) < 2:
+        return list(inputs), problem, solution
+    apart = [_with_own_start(item) for item in inputs]
+    own = solve(apart)
+    left = min(own[1].data_chi_square, solution.data_chi_square) / (INDEPENDENT * len(inputs))
+
+    def cost(pair: tuple[Problem, JointSolution]) -> float:
+        return pair[1].chi_square / max(1.0, left) + pair[0].size
+
+    if cost(own) + OTHERWISE * (len(inputs) - 1) < cost((problem, solution)):
+        return apart, *own
+    return list(inputs), problem, solution
+
+
+def _with_own_start(item: FittedAlone) -> FittedAlone:
+    own = {name: {"role": "own"} for name in BEGIN}
+    alone = {name: row for name, row in item.alone.items() if name not in BEGIN}
+    return replace(item, data=with_rows(item.data, own), alone=alone)
+
+
+def begins_apart(problem: Problem) -> bool:
+    """Return whether each recording of a joint fit has its own start of delivery."""
+    return any(item.row.name in BEGIN and item.recording >= 0 for item in problem.parameters)
+
+
+def predicted_to_begin(known: KnownFit, source: FittedAt) -> str:
+    """Return what is taken for the start of delivery of a run that was not made; nothing where all begin alike."""
+    if BEGIN[0] + SEPARATOR + source.id not in known.names:
+        return ""
+    return f"; delivery begins at the lift at which that of {source.id} does: in this pump each load begins elsewhere"
+
+
+def begun_as_nearest(known: KnownFit, item: FitData) -> dict[str, float]:
+    """Return where delivery begins in the other recording that is nearest in speed [SI]; nothing where all begin alike.
+
+    Nothing tells where a run that was not made begins.
+    """
+    others = [one for one in known.recordings if one.id != item.name]
+    nearest = min(others, key=lambda one: abs(np.log(one.speed / item.chain.speed)))
+    places = known.own(nearest.id)
+    return {
+        name: float(known.values[places[name]])
+        for name in BEGIN if name in places and item.rows[name].role == "own"
+    }  # fmt: skip
+
+
+def start_findings(problem: Problem) -> tuple[Finding, ...]:
+    """Return a note on recordings that begin to deliver at lifts of their own."""
+    if not begins_apart(problem):
+        return ()
+    text = (
+        "delivery begins at another lift in each recording, as in a pump that is metered at its inlet: it is each "
+        "recording's own, fitted where one is predicted from the others, and that of the nearest speed in a blind "
+        "prediction"
+    )
+    return (Finding("own_starts", "info", text, BEGIN[0]),)
