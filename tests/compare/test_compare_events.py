@@ -40,7 +40,7 @@ from camtorque.fit.pair import (
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import with_rows
 from camtorque.fit.residual import mean_square_about
-from camtorque.fit.verdicts import common_attributions, parameter_differences, pooled
+from camtorque.fit.verdicts import HINTS, common_attributions, parameter_differences, pooled
 from camtorque.laws.chain import BINS, ChainInput, ChainOutput, evaluate
 from camtorque.process.second_process import Second, second_process
 from camtorque.units import DEGREE, angle_grid
@@ -83,6 +83,14 @@ def test_a_trigger_that_is_declared_otherwise_is_off_by_something_else_and_no_ev
     found, _ = attribution(replace(pair, other_trigger=True))
     assert found.unchanged > 0.5
     assert found.moved("trigger_offset") == 0.0
+
+
+def test_nothing_is_named_where_most_of_the_difference_is_left() -> None:
+    found, pair = told(turned=TURNED)
+    named = [row.name for row in parameter_differences(pair, found) if row.verdict == "changed"]
+    assert named == ["trigger_offset"]
+    left = replace(found, inflation=(1.0, 1.01 * HINTS))
+    assert not [row for row in parameter_differences(pair, left) if row.verdict == "changed"]
 
 
 @pytest.mark.parametrize(("load", "share"), [(1.0, RESIDUAL_SHARE), (1.01, RESIDUAL_SHARE), (1.03, 1.0), (0.97, 1.0)])

@@ -70,6 +70,12 @@ def test_triggers_that_are_declared_differently_are_told_once_and_as_no_change()
     assert "comes out as a change of the pump" in pump
 
 
+def test_what_no_event_stands_for_is_said_to_be_that() -> None:
+    """A coupling of .6 of the stiffness came out as a spring of 7 % more preload, 62 times what is allowed left."""
+    far = {**document(), "verdict": "changed", "changed": [], "inflation": {"mean": [1.0], "difference": [62.0]}}
+    assert compare_answer(far).startswith("something that no event on the list stands for; those that come nearest: ")
+
+
 def test_another_load_is_told_as_one() -> None:
     """An unchanged pump at a load a tenth higher was told as changed, by probabilities of one in 1e15."""
     far = {**document(), "pressure_peak_ratio": [1.003, 0.974, 1.02]}

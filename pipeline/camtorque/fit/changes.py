@@ -46,7 +46,8 @@ CHANGES: dict[str, tuple[str, ...]] = {
     "dead_volume": ("dead_volume",),
     "valve_opening": ("valve_opening",),
     "valve": ("retraction_volume", "valve_damping", "seat_gain", "valve_area"),
-    "shaft": ("shaft_compliance", "shaft_damping_ratio"),
+    "shaft": ("shaft_compliance", "shaft_resonance", "shaft_damping_ratio"),
+    "coupling": ("coupling_compliance", "coupling_resonance", "coupling_damping"),
     "drive": ("drive_admittance", "drive_bandwidth"),
 }
 """Event -> parameters that it moves."""
@@ -61,8 +62,7 @@ STEPS_OF_CHANGE = 4.0
 """Standard deviation of a plausible change, in steps that matter (`ParameterRow.step`)."""
 MOST_CHANGES = 3
 EXTENDED, WORTH = 3, 8.0
-"""Sets of each size that are extended by another event, and by how much two ln evidence of the linearised extension may
-fall short of the best for it to be fitted."""
+"""Sets of each size that get another event, and how far below the best its linearised two ln evidence may be."""
 OTHERS = 2
 """Other events that may have happened beside the one whose smallest visible change is asked for."""
 TEMPERATURE_STD = 10.0

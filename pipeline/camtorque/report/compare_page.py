@@ -13,6 +13,7 @@ import numpy as np
 from camtorque.fit.changes import TOLD
 from camtorque.fit.pair import has_other_load
 from camtorque.fit.uncertainty import COVERAGE
+from camtorque.fit.verdicts import HINTS
 from camtorque.ingest.stated import TRIGGER
 from camtorque.jsonable import jsonable
 from camtorque.records import Array, ReadOnly
@@ -38,6 +39,7 @@ EVENTS: dict[str, str] = {
     "valve_opening": "opening pressure of the delivery valve",
     "valve": "motion or area of the delivery valve",
     "shaft": "stiffness or damping of the shaft",
+    "coupling": "stiffness or damping of the coupling",
     "drive": "inertia or control of the drive",
 }
 """Event -> its name for somebody at the rig."""
@@ -125,10 +127,17 @@ def _unnamed(document: Mapping[str, Any]) -> str:
         for event in row["groups"]:
             each[event] = each.get(event, 0.0) + row["probability"]
     sure = [f"{EVENTS[event]} ({percent(whole)})" for event, whole in each.items() if whole > TOLD]
+    events = ", ".join(f"{event} ({probability})" for event, probability in compare_events(document))
+    if _left(document) > HINTS:
+        return f"something that no event on the list stands for; those that come nearest: {events}"
     if sure:
         return f"{', '.join(sure)}; which number of it, and by how much, the data cannot tell"
-    events = ", ".join(f"{event} ({probability})" for event, probability in compare_events(document))
     return f"something of the pump, but the data cannot tell what: {events}"
+
+
+def _left(document: Mapping[str, Any]) -> float:
+    """Return the largest inflation of a difference."""
+    return max((one for one in document.get("inflation", {}).get("difference", ()) if one is not None), default=0.0)
 
 
 def compare_cautions(document: Mapping[str, Any]) -> tuple[str, ...]:
@@ -157,12 +166,10 @@ def compare_cautions(document: Mapping[str, Any]) -> tuple[str, ...]:
             "makes another pressure. What the laws get wrong cancels at one load only, and changes that it may stand "
             "for are not told; record both at the same load."
         )
-    left = max(
-        (value for value in document.get("inflation", {}).get("difference", ()) if value is not None), default=0.0
-    )
-    if left > UNEXPLAINED_DIFFERENCE:
+    if _left(document) > UNEXPLAINED_DIFFERENCE:
         found.append(
-            f"The events named here explain the difference only in part: they leave {significant(left, 2)} times what "
+            "The events named here explain the difference only in part: they leave "
+            f"{significant(_left(document), 2)} times what "
             "these recordings allow. Something else changed, or a sensor did; take events and sizes as hints."
         )
     return tuple(found)
