@@ -21,8 +21,8 @@ from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import SEPARATOR, FitData, Problem, with_rows
 from camtorque.records import Finding
 
-BEGIN = ("port_closing_lift", "port_span")
-"""Parameters that say where, and over how much of the lift, the inlet closes."""
+BEGIN = ("port_closing_lift", "port_span", "port_width", "port_roundness")
+"""Parameters that say where, over how much of the lift and in what manner the inlet closes."""
 Solve = Callable[[Sequence[FittedAlone]], tuple[Problem, JointSolution]]
 
 

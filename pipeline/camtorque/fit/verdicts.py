@@ -32,8 +32,8 @@ from camtorque.records import Array
 SEEN = 4.3
 """Standard errors of a change that would have been told nearly always, the whole list counted."""
 SURE = 2.6
-SIGNED = 1.0
-"""Standard errors that a change has at least that is told with its size: below, its sign is not known either."""
+SIGNED = 0.67
+"""Standard errors that a change has at least that is told with its size: its sign is then known by three to one."""
 HINTS = 25.0
 """Inflation of the difference above which nothing is told by name: something changed that no event stands for. It was
 13 where a preload was named rightly, 62 where a softer coupling was told as one."""
