@@ -18,10 +18,12 @@ from camtorque.fit.forecast import settled, values_of
 from camtorque.fit.joint_input import common_error
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.prepare import bin_weights
+from camtorque.fit.problem import SEPARATOR
 from camtorque.fit.single import Fit
 from camtorque.fit.solver import lift_columns, lift_modes, normal_equations
 from camtorque.fit.teeth import PLACE_STD
 from camtorque.fit.uncertainty import inverse
+from camtorque.fit.valleys import TRIGGER_ANGLE
 from camtorque.laws import ROWS
 from camtorque.laws.chain import (
     BINS,
@@ -203,7 +205,7 @@ def operating_point(
     Parameters
     ----------
     chain : pump, cam, speed, line pressure
-    source : recording whose own parameters stand in
+    source : recording whose own parameters stand in; at another speed it has its own start of delivery where each has
     basis : of the correction of the lift table
     """
     places, chain, output, values = evaluated(known, chain, source)
@@ -212,7 +214,7 @@ def operating_point(
     tooth = np.zeros(len(known.names))
     turned, own = tooth_shifts(chain, output), []
     for at, (name, k) in enumerate(places.items()):
-        if ROWS[name].role == "own":
+        if ROWS[name].role == "own" or (chain.speed != source.speed and _begins_elsewhere(known.names[k])):
             own.append(by[:, at] * measuring.spread(name))
             continue
         shared[:, k] = by[:, at]
@@ -220,6 +222,11 @@ def operating_point(
     torque = output.torque + output.linear @ coefficients_of(values)
     lift = lift_columns(chain, basis, output, values) * basis.prior_std
     return OperatingPoint(chain.speed, load, torque, shared, np.column_stack(own), tooth, measuring.scatter, lift)
+
+
+def _begins_elsewhere(name: str) -> bool:
+    """Return whether a parameter of a fit is one recording's own, and not of a trigger that stays where it is."""
+    return SEPARATOR in name and not name.startswith(TRIGGER_ANGLE)
 
 
 def evaluated(
