@@ -90,6 +90,16 @@ def test_a_start_of_its_own_has_to_pay_for_itself(apart: list[FittedAlone]) -> N
     assert with_own_starts(apart, *shared, lambda used: (solved(used)[0], worth))[1] is shared[0]
 
 
+def test_starts_of_their_own_that_overflow_leave_the_joint_fit_as_it_was(apart: list[FittedAlone]) -> None:
+    """A campaign lost its joint fit by a trial that was not taken."""
+
+    def overflowing(_: object) -> tuple[Problem, JointSolution]:
+        raise FloatingPointError("overflow encountered in multiply")
+
+    shared = solved(apart)
+    assert with_own_starts(apart, *shared, overflowing) == (apart, *shared)
+
+
 def test_a_blind_prediction_begins_as_the_nearest_other_recording(alike: list[FittedAlone]) -> None:
     data = alike[0].data
     own = replace(data, rows={**data.rows, BEGIN[0]: replace(data.rows[BEGIN[0]], role="own")})

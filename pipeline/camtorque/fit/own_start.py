@@ -16,6 +16,7 @@ from camtorque.fit.joint_fit import joint_covariance
 from camtorque.fit.joint_input import FittedAlone
 from camtorque.fit.joint_solver import JointSolution
 from camtorque.fit.known_fit import FittedAt, KnownFit
+from camtorque.fit.minima import attempted
 from camtorque.fit.one_ending import OTHERWISE
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import SEPARATOR, FitData, Problem, with_rows
@@ -42,7 +43,9 @@ def with_own_starts(
     if contradiction(inflation, [item.inflation for item in inputs]) <= CONTRADICTED or len(inputs) < 2:
         return list(inputs), problem, solution
     apart = [_with_own_start(item) for item in inputs]
-    own = solve(apart)
+    own = attempted(solve, apart)
+    if own is None:
+        return list(inputs), problem, solution
     left = min(own[1].data_chi_square, solution.data_chi_square) / (INDEPENDENT * len(inputs))
 
     def cost(pair: tuple[Problem, JointSolution]) -> float:
