@@ -25,15 +25,7 @@ from camtorque.fit.teeth import PLACE_STD
 from camtorque.fit.uncertainty import inverse
 from camtorque.fit.valleys import TRIGGER_ANGLE
 from camtorque.laws import ROWS
-from camtorque.laws.chain import (
-    BINS,
-    SHIFT_NAMES,
-    ChainInput,
-    ChainOutput,
-    coefficients_of,
-    derivative_by,
-    evaluate,
-)
+from camtorque.laws.chain import BINS, SHIFT_NAMES, ChainInput, ChainOutput, coefficients_of, derivative_by, evaluate
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.lift import LiftCorrection
 from camtorque.records import Array, ReadOnly
@@ -214,7 +206,8 @@ def operating_point(
     tooth = np.zeros(len(known.names))
     turned, own = tooth_shifts(chain, output), []
     for at, (name, k) in enumerate(places.items()):
-        if ROWS[name].role == "own" or (chain.speed != source.speed and _begins_elsewhere(known.names[k])):
+        apart = chain.speed != source.speed and SEPARATOR in known.names[k] and name != TRIGGER_ANGLE
+        if apart or ROWS[name].role == "own":
             own.append(by[:, at] * measuring.spread(name))
             continue
         shared[:, k] = by[:, at]
@@ -222,11 +215,6 @@ def operating_point(
     torque = output.torque + output.linear @ coefficients_of(values)
     lift = lift_columns(chain, basis, output, values) * basis.prior_std
     return OperatingPoint(chain.speed, load, torque, shared, np.column_stack(own), tooth, measuring.scatter, lift)
-
-
-def _begins_elsewhere(name: str) -> bool:
-    """Return whether a parameter of a fit is one recording's own, and not of a trigger that stays where it is."""
-    return SEPARATOR in name and not name.startswith(TRIGGER_ANGLE)
 
 
 def evaluated(
