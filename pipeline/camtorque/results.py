@@ -72,7 +72,7 @@ def current_campaign(path: Path) -> dict[str, Any]:
     """
     document = read_campaign(path)
     # what the index states needs no comparing of the clocks of several machines
-    named = {(row["folder"], row["status"]) for row in document["recordings"]}
+    named = {(row["folder"], row.get("status")) for row in document["recordings"]}
     others = [entry for folder, entry in _entries(path.parent / "runs").items()
               if (f"runs/{folder.name}", entry["status"]) not in named]  # fmt: skip
     later = sorted({entry["name"] for entry in others if _made(entry) > _made(document)})
