@@ -133,6 +133,8 @@ def test_a_load_that_was_not_fitted_begins_as_unsurely_as_fitted_ones_lie_apart(
     known = KnownFit(names, np.array([1.0e-3, 1.3e-3, 0.6e-3]), ArrowCovariance.whole(np.eye(3)), recordings)
     begun = begun_elsewhere(known, recordings[0], "a log.csv")["port_closing_lift"]
     assert (begun.value, begun.stderr) == (1.0e-3, pytest.approx(np.sqrt((0.3**2 + 0.4**2) / 2.0) * 1.0e-3))
+    measured = replace(known, recordings=(*recordings, FittedAt("M", 80.0, "line", 0.0, True)))
+    assert begun_elsewhere(measured, recordings[0], "a log.csv")["port_closing_lift"] == begun
     assert begun_elsewhere(known, recordings[0], "B") == begun_elsewhere(known, recordings[0], "") == {}
     assert begun_elsewhere(known, replace(recordings[0], id="D"), "a log.csv") == {}
     text = predicted_to_begin(known, recordings[0], "a log.csv")

@@ -90,7 +90,8 @@ def begun_elsewhere(known: KnownFit, source: FittedAt, load: str) -> dict[str, E
     """
     if not load or _has_own(known, load) or not _has_own(known, source.id):
         return {}
-    lifts = {item.id: float(known.values[known.own(item.id)[BEGIN[0]]]) for item in known.recordings}
+    found = [item.id for item in known.recordings if _has_own(known, item.id)]  # none where the chamber was measured
+    lifts = {name: float(known.values[known.own(name)[BEGIN[0]]]) for name in found}
     taken = lifts.pop(source.id)
     apart = np.array([lift - taken for lift in lifts.values()])
     return {BEGIN[0]: Estimate(taken, float(np.sqrt(np.mean(apart**2))))} if lifts else {}
