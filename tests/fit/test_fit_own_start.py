@@ -108,6 +108,8 @@ def test_a_blind_prediction_begins_as_the_nearest_other_recording(alike: list[Fi
     names = ("leakage", "port_closing_lift__A", "port_closing_lift__B")
     known = KnownFit(names, np.array([0.0, 1.0e-3, 2.0e-3]), ArrowCovariance.whole(np.eye(3)), others)
     assert begun_as_nearest(known, own) == {"port_closing_lift": 2.0e-3}
+    measured = replace(known, recordings=(*others, FittedAt("M", speed, "line", 0.0, True)))
+    assert begun_as_nearest(measured, own) == {"port_closing_lift": 2.0e-3}, "of none but its own: blind it knew that"
     assert begun_as_nearest(known, data) == {}
     assert "begins at the lift at which that of B does" in predicted_to_begin(known, others[1], "")
     assert predicted_to_begin(known, replace(others[1], id="C"), "") == ""

@@ -118,7 +118,9 @@ def begun_as_nearest(known: KnownFit, item: FitData) -> dict[str, float]:
 
     Nothing tells where a run that was not made begins.
     """
-    others = [one for one in known.recordings if one.id != item.name]
+    others = [one for one in known.recordings if one.id != item.name and _has_own(known, one.id)]
+    if not others:
+        return {}
     nearest = min(others, key=lambda one: abs(np.log(one.speed / item.chain.speed)))
     places = known.own(nearest.id)
     return {
