@@ -39,7 +39,7 @@ from camtorque.fit.load_file import (
     rise_range,
     top_range,
 )
-from camtorque.fit.own_start import predicted_to_begin
+from camtorque.fit.own_start import begun_as, begun_elsewhere, predicted_to_begin
 from camtorque.hashes import input_file, input_files
 from camtorque.ingest import read_recording
 from camtorque.ingest.pump_file import read_pressure_curve
@@ -194,7 +194,9 @@ def _at_speed(
         chain = chain_of(rig, speed, curve, source.structure)
         shaped = curve if np.isfinite(curve.speed) else replace(curve, speed=speed)
         load = LoadKnowledge({}, curve.std) if given is None else load_for(known, source, templates, chain, shaped)
-        return *with_forces(known, source, rig, chain, load, asked.changes), rig, load.ends
+        load = replace(load, ends={**load.ends, **begun_elsewhere(known, source, asked.name)})
+        begun = begun_as(known, source, asked.name)
+        return *with_forces(begun, source, rig, chain, load, asked.changes), rig, load.ends
 
     runs = [run(source) for source in sources]
     item = runs[0][0]
@@ -204,7 +206,7 @@ def _at_speed(
         item = either(item, runs[1][0])
     elif given is not None and not asked.ending and item.ending in END_OF:
         item = replace(item, other=if_it_ended_so(item, run(the_other(known, sources[0], speed))[0]))
-    load = load_text(sources[0], asked.name, given, speed) + predicted_to_begin(known, sources[0])
+    load = load_text(sources[0], asked.name, given, speed) + predicted_to_begin(known, sources[0], asked.name)
     beyond: tuple[str, ...] = ()
     if given is not None:
         beyond = beyond_text(float(np.max(given.pressure)), top_range(templates.values()))

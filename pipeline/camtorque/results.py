@@ -71,8 +71,10 @@ def current_campaign(path: Path) -> dict[str, Any]:
         that was stopped
     """
     document = read_campaign(path)
-    named = {row["folder"] for row in document["recordings"]}
-    others = [entry for folder, entry in _entries(path.parent / "runs").items() if f"runs/{folder.name}" not in named]
+    # what the index states needs no comparing of the clocks of several machines
+    named = {(row["folder"], row.get("status")) for row in document["recordings"]}
+    others = [entry for folder, entry in _entries(path.parent / "runs").items()
+              if (f"runs/{folder.name}", entry["status"]) not in named]  # fmt: skip
     later = sorted({entry["name"] for entry in others if _made(entry) > _made(document)})
     if later:
         raise Refusal(
@@ -126,11 +128,14 @@ def read_results(paths: Sequence[Path]) -> dict[str, dict[str, Any]]:
 def refused_below(paths: Sequence[Path]) -> list[tuple[str, str]]:
     """Return name and reason of what campaigns in and below some paths refused: it has no report to be found.
 
-    Of a campaign without an index, as `--only` leaves it, that is what each recording came to last.
+    Of a campaign without an index, as `--only` leaves it, that is what each recording came to last; a report that is
+    named itself stands for itself alone.
     """
     files = dict.fromkeys(file for path in paths for file in files_below(_of_campaign(path), CAMPAIGN))
     rows = [row for file in files for row in read_campaign(file)["recordings"]]
-    single = dict.fromkeys(file.parents[1] for path in paths for file in files_below(path, ENTRY))
+    single = dict.fromkeys(
+        file.absolute().parents[1] for path in paths for file in files_below(path, ENTRY) if file.parent != path
+    )
     for runs in single:
         if not (runs.parent / CAMPAIGN).is_file():
             rows += {entry["name"]: entry for entry in sorted(_entries(runs).values(), key=_made)}.values()

@@ -279,6 +279,16 @@ def test_an_index_that_is_older_than_what_was_made_alone_since_is_refused(
     assert capsys.readouterr().err
 
 
+def test_an_index_that_still_states_a_refusal_of_what_was_computed_since_is_refused(tmp_path: Path) -> None:
+    """What `--only --retry-failed` computes lies in the folder of what was refused: it passed and could not be told."""
+    index = {"schema": "camtorque.campaign/1", "created": "2026-03-01T11:00:00+00:00",
+             "recordings": [{"name": "A", "status": "refused", "error": "no disk", "folder": "runs/a"}]}  # fmt: skip
+    (tmp_path / "campaign.json").write_text(json.dumps(index), encoding="utf-8")
+    entry(tmp_path, "a", "A", "2026-03-01T12:00:00+00:00")
+    with pytest.raises(Refusal, match=r"campaign.json: is older than results of A that --only"):
+        find_results(tmp_path)
+
+
 def test_what_was_refused_alone_does_not_pass_before_there_is_an_index(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -291,6 +301,7 @@ def test_what_was_refused_alone_does_not_pass_before_there_is_an_index(
     for path in (tmp_path, tmp_path / "runs"):
         assert cli.main(["limits", str(file), str(path)]) == 3
         assert "B  cannot tell  [refused: the log is cut]" in capsys.readouterr().out
+    assert cli.main(["limits", str(file), str(tmp_path / "runs" / "a")]) == 0, "a report that is named itself"
     entry(tmp_path, "put right", "B", "2026-03-01T10:00:01+00:00")
     assert cli.main(["limits", str(file), str(tmp_path)]) == 0
 

@@ -80,9 +80,13 @@ def test_a_trigger_that_is_declared_otherwise_is_off_by_something_else_and_no_ev
     """An encoder in the place of a tooth, 0.8 degrees from it: its own mounting tells nothing of a change."""
     pair = made_pair({"trigger_offset": 0.8 * DEGREE})
     assert attribution(pair)[0].best == ("trigger",)
-    found, _ = attribution(replace(pair, other_trigger=True))
+    found, weighed = attribution(replace(pair, other_trigger=True))
     assert found.unchanged > 0.5
     assert found.moved("trigger_offset") == 0.0
+    assert "trigger_offset" in found.names
+    names = [row.name for row in parameter_differences(weighed, found)]
+    assert "leakage" in names
+    assert "trigger_offset" not in names, "it was told as not changed, by 0 with a standard error of 0"
 
 
 def test_nothing_is_named_where_most_of_the_difference_is_left() -> None:

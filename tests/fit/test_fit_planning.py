@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,18 +18,25 @@ from camtorque.fit.planning import (
     MOST_RUNS,
     SETUP_MINUTES,
     TOOTH_MINUTES,
+    Measuring,
     Offer,
     OperatingPoint,
     TargetQuantity,
     information,
     lessened,
     needed,
+    operating_point,
     plan,
     weighed,
 )
 from camtorque.laws.chain import BINS
+from camtorque.laws.lift import lift_correction
 from camtorque.plan import CHAMBER_PEAK, _target, need_size, rest_of, wanted_number
 from camtorque.records import Array, Refusal
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "laws"))
+
+from laws_cases import chain_input, start_values
 
 ANGLE = np.linspace(0.0, 2.0 * np.pi, BINS, endpoint=False)
 KNOWN = KnownFit(("leakage", "bearing_arm"), np.array([1.0, 1.0]), ArrowCovariance.whole(np.eye(2)),
@@ -143,6 +151,28 @@ def test_what_no_run_tells_stays() -> None:
     told, alone = (plan(KNOWN, what, 0.5, [point(150.0, 0.9)], (20.0,)) for what in (number, LEAKAGE))
     assert told[0].std == pytest.approx(np.hypot(alone[0].std, 0.4))
     assert all(step.std > 0.4 for step in plan(KNOWN, number, 0.39, [point(150.0, 0.9)], (20.0,)))
+
+
+@pytest.mark.parametrize(("name", "faster", "shared"), [
+    ("port_closing_lift__a", 1.0, True), ("port_closing_lift__a", 1.2, False), ("port_closing_lift", 1.2, True),
+    ("trigger_offset__a", 1.2, True),
+])  # fmt: skip
+def test_a_run_at_another_speed_has_its_own_start_of_delivery_where_each_has(
+    name: str, faster: float, shared: bool
+) -> None:
+    """It told of the start of the recording whose load it was to get: ± 5.2 bar of a chamber peak were told as 3.4."""
+    chain, theta = chain_input(n=BINS), ANGLE
+    basis = lift_correction(theta, chain.law.evaluate(theta, 0), 1e-6, 1e-6, np.radians(1.0))
+    source = FittedAt("a", chain.speed, "land", 0.01, True)
+    names = (name, "leakage", "torque_zero__a")
+    start = {**start_values(), "torque_zero": 0.0}
+    values = np.array([start[one.partition("__")[0]] for one in names])
+    known = KnownFit(names, values, ArrowCovariance.whole(np.eye(3)), (source,))
+    found = operating_point(
+        known, replace(chain, speed=faster * chain.speed), source, "a", Measuring(0.1, {}), basis
+    )  # fmt: skip
+    assert bool(found.shared[:, 0].any()) == shared
+    assert found.own.shape[1] == (1 if shared else 2)
 
 
 def test_a_plan_begins_with_the_uncertainty_that_the_report_states(tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ from camtorque.report.campaign_page import (
     campaign_document,
     campaign_drawings,
     campaign_page,
+    left_out_text,
     verdict_text,
     write_campaign,
 )
@@ -311,6 +312,23 @@ def test_no_text_of_a_recording_ends_the_data() -> None:
     view = replace(many(3), names=(NASTY, "b", "c"))
     assert "<script" not in explorer_data(view)
     assert json.loads(explorer_data(view))["names"][0] == NASTY
+
+
+@pytest.mark.parametrize(("fitted", "told"), [
+    ((), "zero and end of delivery"), (("port_closing_lift", "port_span"), "zero and start and end of delivery"),
+    (("trigger_offset",), "zero, trigger angle and end of delivery"),
+])  # fmt: skip
+def test_the_page_says_what_left_out_recordings_have_of_their_own(
+    small: tuple[Path, CampaignResult], fitted: tuple[str, ...], told: str
+) -> None:
+    """A start of delivery, or a trigger's angle, that was fitted to each was passed over in the headline."""
+    folder, result = small
+    found = {"rms_nm": 0.1, "rms_percent_of_peak": 0.2, "forward_gap_percent": 0.0, "forward_peak_error_nm": 0.0,
+                 "return_min_measured_nm": 0.0, "return_min_model_nm": 0.0, "return_rms_nm": 0.0}  # fmt: skip
+    row = {"name": "A", "mode": "own_zero_and_end", "fitted_on_held_out": ["torque_zero", *fitted], "metrics": found}
+    doc = {**campaign_document(result), "held_out": [row]}
+    assert left_out_text(doc).startswith(f" Predicted from the others, with their own {told}, ")
+    assert f"its own torque {told} are fitted;" in campaign_page(doc, campaign_view(result.entries, folder), ())
 
 
 def test_the_answer_names_what_is_not_explained_what_was_refused_and_what_drifts() -> None:

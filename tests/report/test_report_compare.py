@@ -74,6 +74,11 @@ def test_what_no_event_stands_for_is_said_to_be_that() -> None:
     """A coupling of .6 of the stiffness came out as a spring of 7 % more preload, 62 times what is allowed left."""
     far = {**document(), "verdict": "changed", "changed": [], "inflation": {"mean": [1.0], "difference": [62.0]}}
     assert compare_answer(far).startswith("something that no event on the list stands for; those that come nearest: ")
+    (caution,) = compare_cautions(far)
+    assert caution.startswith("No event on the list explains the difference: they leave 62 times what these recordings")
+    assert caution.endswith("take events as those that come nearest, and no more.")
+    for other in ({"inflation": {"difference": [13.0]}}, {"changed": ["leakage"]}):
+        assert "explain the difference only in part" in compare_cautions({**far, **other})[0]
 
 
 def test_another_load_is_told_as_one() -> None:

@@ -9,7 +9,7 @@ the others leave open, a prediction takes from them as `predict --from` does.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,7 +45,6 @@ LARGEST_STEP = 3.0
 """Of the shared parameters when a recording is left out, in standard deviations: the step is shortened as a whole."""
 POOR = {MODES[0]: 0.3, MODES[1]: 1.0}
 """Error of a left-out prediction, by its mode, above which the campaign says so [% of the peak torque]."""
-MODE_TEXTS = dict(zip(MODES, ("own zero and end of delivery fitted", "nothing of it fitted"), strict=True))
 PREDICTED_BADLY = "predicted_badly"
 """Code of the finding on a recording that the others predict badly."""
 MOST_TOLD = 5
@@ -324,10 +323,14 @@ def _fits_trigger(row: HeldOut) -> bool:
     return TRIGGER_ANGLE in row.fitted_on_held_out
 
 
+def own_text(fitted: Collection[str]) -> str:
+    """Return in words what a left-out recording has of its own; ``fitted``: names of what was fitted to it."""
+    zero = "zero, trigger angle" if TRIGGER_ANGLE in fitted else "zero"
+    return f"{zero} and {'start and end' if BEGIN[0] in fitted else 'end'} of delivery"
+
+
 def _mode_text(row: HeldOut) -> str:
-    text = MODE_TEXTS[row.mode]
-    text = text.replace("own zero", "own zero, trigger angle") if _fits_trigger(row) else text
-    return text.replace("end of", "start and end of") if BEGIN[0] in row.fitted_on_held_out else text
+    return f"own {own_text(row.fitted_on_held_out)} fitted" if row.mode == MODES[0] else "nothing of it fitted"
 
 
 def _poor_text(name: str, rows: Sequence[HeldOut]) -> str:

@@ -16,10 +16,11 @@ from camtorque.fit.joint_fit import joint_covariance
 from camtorque.fit.joint_input import FittedAlone
 from camtorque.fit.joint_solver import JointSolution
 from camtorque.fit.known_fit import FittedAt, KnownFit
+from camtorque.fit.minima import attempted
 from camtorque.fit.one_ending import OTHERWISE
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import SEPARATOR, FitData, Problem, with_rows
-from camtorque.records import Finding
+from camtorque.records import Estimate, Finding
 
 BEGIN = ("port_closing_lift", "port_span", "port_width", "port_roundness")
 """Parameters that say where, over how much of the lift and in what manner the inlet closes."""
@@ -42,7 +43,9 @@ def with_own_starts(
     if contradiction(inflation, [item.inflation for item in inputs]) <= CONTRADICTED or len(inputs) < 2:
         return list(inputs), problem, solution
     apart = [_with_own_start(item) for item in inputs]
-    own = solve(apart)
+    own = attempted(solve, apart)
+    if own is None:
+        return list(inputs), problem, solution
     left = min(own[1].data_chi_square, solution.data_chi_square) / (INDEPENDENT * len(inputs))
 
     def cost(pair: tuple[Problem, JointSolution]) -> float:
@@ -64,11 +67,50 @@ def begins_apart(problem: Problem) -> bool:
     return any(item.row.name in BEGIN and item.recording >= 0 for item in problem.parameters)
 
 
-def predicted_to_begin(known: KnownFit, source: FittedAt) -> str:
-    """Return what is taken for the start of delivery of a run that was not made; nothing where all begin alike."""
-    if BEGIN[0] + SEPARATOR + source.id not in known.names:
+def begun_as(known: KnownFit, source: FittedAt, load: str) -> KnownFit:
+    """Return a fit in which a recording begins to deliver as the one whose load it gets, where that has its own start.
+
+    Parameters
+    ----------
+    load : name of the recording whose line pressure is the load, or of a file; empty where it is that of ``source``
+    """
+    if not _has_own(known, load):
+        return known
+    ends = {source.id: load, load: source.id}
+    parts = [name.partition(SEPARATOR) for name in known.names]
+    names = (name + mark + (ends.get(whose, whose) if name in BEGIN else whose) for name, mark, whose in parts)
+    return replace(known, names=tuple(names))
+
+
+def begun_elsewhere(known: KnownFit, source: FittedAt, load: str) -> dict[str, Estimate]:
+    """Return the lift at which delivery begins under a load that no fitted recording has [SI].
+
+    It is as unsure as those of other recordings lie from the one that is taken for it. Nothing where all begin alike.
+    ``load`` as in `begun_as`.
+    """
+    if not load or _has_own(known, load) or not _has_own(known, source.id):
+        return {}
+    found = [item.id for item in known.recordings if _has_own(known, item.id)]  # none where the chamber was measured
+    lifts = {name: float(known.values[known.own(name)[BEGIN[0]]]) for name in found}
+    taken = lifts.pop(source.id)
+    apart = np.array([lift - taken for lift in lifts.values()])
+    return {BEGIN[0]: Estimate(taken, float(np.sqrt(np.mean(apart**2))))} if lifts else {}
+
+
+def _has_own(known: KnownFit, recording: str) -> bool:
+    return BEGIN[0] + SEPARATOR + recording in known.names
+
+
+def predicted_to_begin(known: KnownFit, source: FittedAt, load: str) -> str:
+    """Return what is taken for the start of delivery of a run that was not made; nothing where all begin alike.
+
+    ``load`` as in `begun_as`.
+    """
+    name = next((one for one in (load, source.id) if _has_own(known, one)), "")
+    if not name:
         return ""
-    return f"; delivery begins at the lift at which that of {source.id} does: in this pump each load begins elsewhere"
+    text = f"; delivery begins at the lift at which that of {name} does: in this pump each load begins elsewhere"
+    return f"{text}, and how far fitted ones lie apart is in the band" if load not in ("", name) else text
 
 
 def begun_as_nearest(known: KnownFit, item: FitData) -> dict[str, float]:
@@ -76,7 +118,9 @@ def begun_as_nearest(known: KnownFit, item: FitData) -> dict[str, float]:
 
     Nothing tells where a run that was not made begins.
     """
-    others = [one for one in known.recordings if one.id != item.name]
+    others = [one for one in known.recordings if one.id != item.name and _has_own(known, one.id)]
+    if not others:
+        return {}
     nearest = min(others, key=lambda one: abs(np.log(one.speed / item.chain.speed)))
     places = known.own(nearest.id)
     return {

@@ -18,20 +18,14 @@ from camtorque.fit.forecast import settled, values_of
 from camtorque.fit.joint_input import common_error
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.prepare import bin_weights
+from camtorque.fit.problem import SEPARATOR
 from camtorque.fit.single import Fit
 from camtorque.fit.solver import lift_columns, lift_modes, normal_equations
 from camtorque.fit.teeth import PLACE_STD
 from camtorque.fit.uncertainty import inverse
+from camtorque.fit.valleys import TRIGGER_ANGLE
 from camtorque.laws import ROWS
-from camtorque.laws.chain import (
-    BINS,
-    SHIFT_NAMES,
-    ChainInput,
-    ChainOutput,
-    coefficients_of,
-    derivative_by,
-    evaluate,
-)
+from camtorque.laws.chain import BINS, SHIFT_NAMES, ChainInput, ChainOutput, coefficients_of, derivative_by, evaluate
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.lift import LiftCorrection
 from camtorque.records import Array, ReadOnly
@@ -203,7 +197,7 @@ def operating_point(
     Parameters
     ----------
     chain : pump, cam, speed, line pressure
-    source : recording whose own parameters stand in
+    source : recording whose own parameters stand in; at another speed it has its own start of delivery where each has
     basis : of the correction of the lift table
     """
     places, chain, output, values = evaluated(known, chain, source)
@@ -212,7 +206,8 @@ def operating_point(
     tooth = np.zeros(len(known.names))
     turned, own = tooth_shifts(chain, output), []
     for at, (name, k) in enumerate(places.items()):
-        if ROWS[name].role == "own":
+        apart = chain.speed != source.speed and SEPARATOR in known.names[k] and name != TRIGGER_ANGLE
+        if apart or ROWS[name].role == "own":
             own.append(by[:, at] * measuring.spread(name))
             continue
         shared[:, k] = by[:, at]

@@ -100,7 +100,7 @@ def parameter_differences(pair: TwoRecordings, found: Attribution) -> tuple[Diff
     """Return every parameter that belongs to the pump and may differ."""
     result = []
     for j, name in enumerate(found.names):
-        if name in ALWAYS:
+        if name in ALWAYS or (pair.other_trigger and name == "trigger_offset"):  # each side's own
             continue
         row = pair.items[0].rows[name]
         k = pair.names.index(name)

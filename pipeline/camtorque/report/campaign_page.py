@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from camtorque.fit.drift import Drift
 from camtorque.fit.joint_fit import JointRecording
-from camtorque.fit.leftout import MODES, PREDICTED_BADLY, error_text, is_poor
+from camtorque.fit.leftout import MODES, PREDICTED_BADLY, error_text, is_poor, own_text
 from camtorque.fit.problem import SEPARATOR
 from camtorque.fit.valleys import TRIGGER_ANGLE
 from camtorque.jsonable import jsonable
@@ -176,9 +176,14 @@ def left_out_text(doc: Mapping[str, Any]) -> str:
     if good:
         ends = dict.fromkeys(significant(row["metrics"]["rms_percent_of_peak"], 2) for row in (good[0], good[-1]))
         who = f"{len(good)} of {len(known)} recordings {'are' if len(good) > 1 else 'is'}"
-        text = " Predicted from the others, with their own zero and end of delivery, "
+        text = f" Predicted from the others, with their own {own_text(_fitted_apart(doc))}, "
         text += f"{who} met within {' to '.join(ends)} % of the peak torque (RMS)."
     return text + (f" Predicted worse: {_some(poor, '; ')}." if poor else "")
+
+
+def _fitted_apart(doc: Mapping[str, Any]) -> set[str]:
+    """Return the names of what is fitted to recordings that are left out."""
+    return {name for row in doc["held_out"] for name in row.get("fitted_on_held_out", ())}
 
 
 def _some(names: Sequence[str], between: str = ", ") -> str:
@@ -237,7 +242,7 @@ def campaign_page(doc: Mapping[str, Any], view: CampaignView, drawings: Sequence
     return render(
         "campaign.html", drawings, title="Campaign", doc=doc, verdict=verdict_text(doc),
         good=not (doc["n_refused"] or serious or unexplained(doc) or doubtful(doc)), known_metrics=known_metrics,
-        answer=campaign_answer(doc), called=called,
+        answer=campaign_answer(doc), called=called, apart=own_text(_fitted_apart(doc)),
         shared=[parameter_row(name, row, True) | {"drift": _drift_text(row, drifts.get(name))}
                 for name, row in best_first],
         links=dict(zip(view.names, view.links, strict=True)),

@@ -166,11 +166,14 @@ def compare_cautions(document: Mapping[str, Any]) -> tuple[str, ...]:
             "makes another pressure. What the laws get wrong cancels at one load only, and changes that it may stand "
             "for are not told; record both at the same load."
         )
-    if _left(document) > UNEXPLAINED_DIFFERENCE:
+    left = _left(document)
+    if left > UNEXPLAINED_DIFFERENCE:
+        far = left > HINTS and not document.get("changed")  # of several pairs another one may have told a name
         found.append(
-            "The events named here explain the difference only in part: they leave "
-            f"{significant(_left(document), 2)} times what "
-            "these recordings allow. Something else changed, or a sensor did; take events and sizes as hints."
+            f"{'No event on the list explains' if far else 'The events named here explain'} the difference"
+            f"{'' if far else ' only in part'}: they leave {significant(left, 2)} times what these recordings allow. "
+            "Something else changed, or a sensor did; take events "
+            f"{'as those that come nearest, and no more' if far else 'and sizes as hints'}."
         )
     return tuple(found)
 
