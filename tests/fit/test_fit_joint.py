@@ -810,6 +810,10 @@ def test_two_answers_at_one_speed_are_refused_and_not_averaged(prepared):
     other = replace(one, alone=moved, data=replace(one.data, name="after"))
     with pytest.raises(Refusal, match=r"and after run at one speed but differ in dead volume .* campaign of each"):
         refuse_two_states([one, other])
+    begun = replace(one.alone["port_closing_lift"], value=1.5 * one.alone["port_closing_lift"].value)
+    refuse_two_states([one, replace(other, alone={**one.alone, "port_closing_lift": begun})])  # metered at its inlet
+    with pytest.raises(Refusal, match="differ in dead volume"):
+        refuse_two_states([one, replace(other, alone={**moved, "port_closing_lift": begun})])
     faster = replace(other, data=replace(other.data, chain=replace(other.data.chain, speed=100.0)))
     refuse_two_states([one, faster])
 

@@ -138,7 +138,10 @@ class HeldOnce:
 
 
 def refuse_two_states(inputs: Sequence[FittedAlone]) -> None:
-    """Refuse recordings at one speed whose shared parameters contradict each other."""
+    """Refuse recordings at one speed whose shared parameters contradict each other.
+
+    Where delivery begins alone is no other state: a pump that is metered at its inlet begins elsewhere at each load.
+    """
     speeds = np.array([item.data.chain.speed for item in inputs])
     rows = [[item.alone.get(name) for name in COMPARED] for item in inputs]
     if other_triggers(item.stated for item in inputs):
@@ -149,7 +152,9 @@ def refuse_two_states(inputs: Sequence[FittedAlone]) -> None:
     for k, one in enumerate(inputs):
         near = np.abs(speeds[k] / speeds[:k] - 1.0) <= SAME_SPEED
         apart = np.abs(values[k] - values[:k]) > TWO_STATES * np.hypot(stds[k], stds[:k])
-        found = np.argwhere(apart & near[:, None])
+        apart &= near[:, None]
+        apart[np.sum(apart, axis=1) == 1, COMPARED.index("port_closing_lift")] = False
+        found = np.argwhere(apart)
         if found.size:
             j, place = (int(number) for number in found[0])
             raise _two_states(inputs[j], one, COMPARED[place])

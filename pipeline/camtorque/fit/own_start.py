@@ -134,8 +134,8 @@ def start_findings(problem: Problem) -> tuple[Finding, ...]:
     if not begins_apart(problem):
         return ()
     text = (
-        "delivery begins at another lift in each recording, as in a pump that is metered at its inlet: it is each "
-        "recording's own, fitted where one is predicted from the others, and that of the nearest speed in a blind "
-        "prediction"
+        "delivery begins at another lift in each recording, as in a pump that is metered at its inlet, or whose port "
+        "was moved between them: it is each recording's own, fitted where one is predicted from the others, and that "
+        "of the nearest speed in a blind prediction"
     )
     return (Finding("own_starts", "info", text, BEGIN[0]),)
