@@ -6,7 +6,7 @@ from the others then ends as another pump would.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -65,9 +65,7 @@ def searched_anew(item: FitData, structures: tuple[str, ...] = ("land", "spill",
 def with_one_ending(problem: Problem, solution: JointSolution, each: Each) -> tuple[Problem, JointSolution]:
     """Return a joint minimum in which all recordings end as most do, where the mixed one is not better by enough.
 
-    Most are not turned to the way of few: an end that is none may meet what a law lacks. Of chi-square, one is what a
-    further parameter takes by chance; what is left of it per independent value, where that is more than expected, is
-    its unit.
+    Most are not turned to the way of few: an end that is none may meet what a law lacks.
     """
     ways = [item.structure for item in problem.data if not item.measures_chamber]
     if len(set(ways)) < 2:
@@ -75,15 +73,21 @@ def with_one_ending(problem: Problem, solution: JointSolution, each: Each) -> tu
     most = max(map(ways.count, ways))
     usual = sorted(way for way in set(ways) if ways.count(way) == most)
     ended = [end for way in usual if (end := _all_ended(problem, solution, way, each))]
-    left = min(end.data_chi_square for _, end in [*ended, (problem, solution)]) / (INDEPENDENT * len(problem.data))
-
-    def cost(pair: tuple[Problem, JointSolution]) -> float:
-        return pair[1].chi_square / max(1.0, left) + pair[0].size
-
-    alike = min(ended, key=cost, default=None)
-    if alike is None or cost(alike) > cost((problem, solution)) + OTHERWISE * (len(ways) - most):
+    mixed, *alike = costs([(problem, solution), *ended])
+    if not alike or min(alike) > mixed + OTHERWISE * (len(ways) - most):
         return problem, solution
-    return alike
+    return ended[int(np.argmin(alike))]
+
+
+def costs(ends: Sequence[tuple[Problem, JointSolution]]) -> list[float]:
+    """Return what joint minima of the same recordings cost by evidence: chi-square, and one for each parameter.
+
+    Of chi-square, one is what a further parameter takes by chance; what the best of them leaves of it per independent
+    value, where that is more than expected, is its unit.
+    """
+    problem, _ = ends[0]
+    left = min(end.data_chi_square for _, end in ends) / (INDEPENDENT * len(problem.data))
+    return [end.chi_square / max(1.0, left) + one.size for one, end in ends]
 
 
 def _all_ended(problem: Problem, solution: JointSolution, way: str, each: Each) -> tuple[Problem, JointSolution] | None:

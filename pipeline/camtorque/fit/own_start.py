@@ -17,8 +17,7 @@ from camtorque.fit.joint_input import FittedAlone
 from camtorque.fit.joint_solver import JointSolution
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.minima import attempted
-from camtorque.fit.one_ending import OTHERWISE
-from camtorque.fit.prepare import INDEPENDENT
+from camtorque.fit.one_ending import OTHERWISE, costs
 from camtorque.fit.problem import SEPARATOR, FitData, Problem, with_rows
 from camtorque.records import Estimate, Finding
 
@@ -32,8 +31,8 @@ def with_own_starts(
 ) -> tuple[list[FittedAlone], Problem, JointSolution]:
     """Return recordings and their joint minimum, each with its own start of delivery where that is better by enough.
 
-    It is asked where recordings that are met alone contradict one another. What it has to gain is as in
-    `one_ending.with_one_ending`.
+    It is asked where recordings that are met alone contradict one another. What it has to gain is told by
+    `one_ending.costs`.
 
     Parameters
     ----------
@@ -46,12 +45,8 @@ def with_own_starts(
     own = attempted(solve, apart)
     if own is None:
         return list(inputs), problem, solution
-    left = min(own[1].data_chi_square, solution.data_chi_square) / (INDEPENDENT * len(inputs))
-
-    def cost(pair: tuple[Problem, JointSolution]) -> float:
-        return pair[1].chi_square / max(1.0, left) + pair[0].size
-
-    if cost(own) + OTHERWISE * (len(inputs) - 1) < cost((problem, solution)):
+    shared_cost, own_cost = costs([(problem, solution), own])
+    if own_cost + OTHERWISE * (len(inputs) - 1) < shared_cost:
         return apart, *own
     return list(inputs), problem, solution
 

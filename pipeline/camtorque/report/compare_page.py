@@ -167,13 +167,16 @@ def compare_cautions(document: Mapping[str, Any]) -> tuple[str, ...]:
             "for are not told; record both at the same load."
         )
     left = _left(document)
-    if left > UNEXPLAINED_DIFFERENCE:
-        far = left > HINTS and not document.get("changed")  # of several pairs another one may have told a name
+    much = f"{significant(left, 2)} times what these recordings allow. Something else changed, or a sensor did"
+    if left > HINTS and not document.get("changed"):  # of several pairs another one may have told a name
         found.append(
-            f"{'No event on the list explains' if far else 'The events named here explain'} the difference"
-            f"{'' if far else ' only in part'}: they leave {significant(left, 2)} times what these recordings allow. "
-            "Something else changed, or a sensor did; take events "
-            f"{'as those that come nearest, and no more' if far else 'and sizes as hints'}."
+            f"No event on the list explains the difference: they leave {much}; take events as those that come nearest, "
+            "and no more."
+        )
+    elif left > UNEXPLAINED_DIFFERENCE:
+        found.append(
+            f"The events named here explain the difference only in part: they leave {much}; take events and sizes as "
+            "hints."
         )
     return tuple(found)
 
