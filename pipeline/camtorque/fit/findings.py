@@ -28,8 +28,6 @@ standard uncertainties beyond is told."""
 
 LOAD_FRICTIONS, NO_FRICTION = ("bearing_arm", "pin_arm", "guide_friction"), 0.02
 """Frictions that grow with the load, and the share of what is expected of each below which it is none."""
-
-
 STEADY_DRAGS = ("shaft_drag", "shaft_viscous")
 LIKE_A_ZERO = ", or for a torque zero that is off: note the reading at standstill before and after"
 """What drags that are constant at one speed cannot be told from, and how it is."""

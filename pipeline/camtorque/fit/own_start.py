@@ -39,7 +39,7 @@ def with_own_starts(
     solve : gives the joint minimum of recordings
     """
     inflation = joint_covariance(problem, solution).inflation
-    if contradiction(inflation, [item.inflation for item in inputs]) <= CONTRADICTED or len(inputs) < 2:
+    if contradiction(inflation, [item.inflation for item in inputs]) <= CONTRADICTED:
         return list(inputs), problem, solution
     apart = [_with_own_start(item) for item in inputs]
     own = attempted(solve, apart)

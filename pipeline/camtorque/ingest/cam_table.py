@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from camtorque.config import PumpData
 from camtorque.ingest.header import name_and_unit
 from camtorque.ingest.table_file import SmallTable, read_small_table
-from camtorque.records import Array, CamTable, Finding, Refusal
+from camtorque.records import MOST_LOBES, Array, CamTable, Finding, Refusal
 from camtorque.units import BORDER_UNITS, DEGREE, did_you_mean, tidy_unit, unit_factor
 
 RESOLUTION = re.compile(
@@ -33,8 +33,6 @@ OPEN = 4.0
 """Times the largest change of slope between other rows that the step from the last row to the first may make."""
 WHOLE = 0.02
 """Share of a turn within which a table covers a whole one, a part of it, or degrees that are radians."""
-MOST_LOBES = 12
-"""Equal lobes that a part of a turn is taken for at most: 1/36 of one is a sector, or tenths of a degree."""
 COARSE = 0.2
 """Share of the stroke between two rows beyond which the lift between them is a guess, as of a pressure curve: a flank
 of five points."""

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camtorque.compiled import njit
-from camtorque.records import Array, ReadOnly
+from camtorque.records import MOST_LOBES, Array, ReadOnly
 from camtorque.units import TURN
 
 Real = TypeVar("Real", bound=np.floating)
-MOST_LOBES, REPEATED = 12, 0.995
-"""Lobes of one cam at most, and share of the variance of its lift that has to repeat itself with them: lobes that are
-7 % of their stroke apart count as alike, those of two pumps do not."""
+REPEATED = 0.995
+"""Share of the variance of a cam's lift that has to repeat itself with its lobes: lobes that are 7 % of their stroke
+apart count as alike, those of two pumps do not."""
 
 
 @njit(cache=True, fastmath={"contract", "nsz"})

@@ -32,5 +32,13 @@ from camtorque.records.fitted import (
     ParameterEstimate,
     ResidualBump,
 )
-from camtorque.records.recording import CamTable, Channel, InputFile, Recording, SampleSource, SensorCalibration
+from camtorque.records.recording import (
+    MOST_LOBES,
+    CamTable,
+    Channel,
+    InputFile,
+    Recording,
+    SampleSource,
+    SensorCalibration,
+)
 from camtorque.records.rigid import Flight, Forces, RigidTorque

@@ -153,6 +153,10 @@ class Channel:
         return (self.sign * self.calibration.gain) * (volts - self.calibration.zero_volts)
 
 
+MOST_LOBES = 12
+"""Lobes of one cam at most: a lift that repeats itself oftener, or a 36th of a turn, is something else."""
+
+
 @dataclass(frozen=True)
 class CamTable(ReadOnly):
     """A lift table along the direction of running.
