@@ -13,7 +13,6 @@ from camtorque.fit.single import AT_REST, reconverged, with_oil_at_rest
 from camtorque.fit.valleys import (
     CAM_SIDES,
     GAINED,
-    NO_VALLEY,
     OCTAVES,
     SHAFTS,
     WAYS,
@@ -110,18 +109,17 @@ def test_what_dissatisfies_is_sought_again_with_the_oil_up_to_the_sensor_at_rest
 
     def other_search(seen):
         asked.append(seen.fitted.rows["line_inertance"].upper)
-        return [best], NO_VALLEY
+        return [best]
 
-    monkeypatch.setattr(single, "profile_trigger_angle", lambda item, _halves: (item, NO_VALLEY))
     monkeypatch.setattr(single, "search_minima", other_search)
-    found, _ = with_oil_at_rest([wrong], NO_VALLEY, halves)
+    found = with_oil_at_rest([wrong], halves)
     assert asked == [AT_REST]
     assert found[0].value <= best.value + 0.1
     assert found[0].data.rows["line_inertance"].upper == ROWS["line_inertance"].upper
     assert found[1:] == [wrong]
     # what is no better changes nothing
-    monkeypatch.setattr(single, "search_minima", lambda _halves: ([wrong], NO_VALLEY))
-    assert with_oil_at_rest([best], NO_VALLEY, halves) == ([best], NO_VALLEY)
+    monkeypatch.setattr(single, "search_minima", lambda _halves: [wrong])
+    assert with_oil_at_rest([best], halves) == [best]
 
 
 def test_a_descent_that_was_left_early_is_ended(best, halves):

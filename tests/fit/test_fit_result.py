@@ -26,6 +26,7 @@ from camtorque.fit.minima import LIGHT, Halves
 from camtorque.fit.pair import pair_of
 from camtorque.fit.planning import TOOTH, next_measurement, proposals
 from camtorque.fit.prepare import INDEPENDENT, bin_weights, mean_cycles, on_grid
+from camtorque.fit.problem import with_starts
 from camtorque.fit.residual import BUMP_WINDOW_DEG, parts_of_gap, phase_at, residual_bumps, ringing
 from camtorque.fit.result import (
     alternatives,
@@ -547,7 +548,9 @@ def test_a_minimum_that_falls_on_the_other_half_comes_last(monkeypatch):
 def test_minima_are_compared_once_each_and_every_structure_has_one():
     data, found = quick_data(LAND), quick(LAND)
     start = Start(coarse(found.data), found.solution.lift, found.value)
-    spill = Start(replace(start.data, structure="spill"), no_lift(), 1e5)
+    end = found.data.rows["end_of_delivery"].start
+    spilled = {"spill_lift": float(np.interp(end, data.chain.theta, data.chain.law.evaluate(data.chain.theta, 0)))}
+    spill = Start(with_starts(replace(start.data, structure="spill"), spilled), no_lift(), 1e5)
     moved = found.solution.z + np.where(
         np.arange(found.problem.size) == 0, 2.0 * covariance(found.problem, found.solution).std, 0.0
     )

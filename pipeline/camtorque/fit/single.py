@@ -158,24 +158,21 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     law = spectral_law(recording.cam_table)
     data = fit_data(recording, cycles, law, means)
     halves = Halves(data, other_half(data, means))
-    minima, valley = search_minima(halves)
+    minima = search_minima(halves)
     if minima[0].left_to_explain > DISSATISFYING and not data.measures_chamber:
-        minima, valley = with_oil_at_rest(minima, valley, halves)
-    kept = distinct(minima)
-    weighed, other_pin = pin_decided(weighed_locally(kept, halves, means.odd_even), halves)
-    if weighed[0] is not kept[0]:
-        best, valley = profile_trigger_angle(weighed[0], halves)
-        kept = distinct([best, *weighed[1:]])
-    softer = softer_shaft(kept[0], halves)
+        minima = with_oil_at_rest(minima, halves)
+    weighed, other_pin = pin_decided(weighed_locally(distinct(minima), halves, means.odd_even), halves)
+    best, valley = profile_trigger_angle(weighed[0], halves)
+    kept = distinct([best, *weighed])
+    softer = softer_shaft(best, halves)
     return Prepared(recording, cycles, rigid, means, kept, valley, data.chain.shaft_torque, other_pin, softer)
 
 
-def search_minima(halves: Halves) -> tuple[list[Candidate], Valley]:
-    """Return all minima that a search ends at, the best one first, and the valley of that."""
+def search_minima(halves: Halves) -> list[Candidate]:
+    """Return all minima that a search ends at, the best one first."""
     minima = every_structure(search(halves, halves.fitted.structures), halves)
     minima = turned_round(with_lost_torque(minima, halves), halves)
-    best, valley = profile_trigger_angle(reconverged(minima[0], halves), halves)
-    return [best, *minima], valley
+    return [reconverged(minima[0], halves), *minima[1:]]
 
 
 def with_lost_torque(minima: list[Candidate], halves: Halves) -> list[Candidate]:
@@ -189,7 +186,7 @@ def reconverged(found: Candidate, halves: Halves) -> Candidate:
     return found if found.solution.converged else halves.again(found)
 
 
-def with_oil_at_rest(minima: list[Candidate], valley: Valley, halves: Halves) -> tuple[list[Candidate], Valley]:
+def with_oil_at_rest(minima: list[Candidate], halves: Halves) -> list[Candidate]:
     """Return `search_minima` with what a search finds whose oil up to the sensor stays at rest, where that is better.
 
     Search and parameters are the same but for one that is not there, so that other basins are found.
@@ -197,12 +194,9 @@ def with_oil_at_rest(minima: list[Candidate], valley: Valley, halves: Halves) ->
     data = halves.fitted
     upper = data.rows["line_inertance"].upper
     resting = replace(halves, fitted=with_rows(data, {"line_inertance": {"upper": AT_REST}}))
-    still = search_minima(resting)[0][0]
+    still = search_minima(resting)[0]
     freed = halves.minimum(at_minimum, with_rows(still.data, {"line_inertance": {"upper": upper}}))
-    if freed is None or freed.value > minima[0].value:
-        return minima, valley
-    best, valley = profile_trigger_angle(freed, halves)
-    return [best, *minima], valley
+    return minima if freed is None or freed.value > minima[0].value else [freed, *minima]
 
 
 def every_structure(found: SearchState, halves: Halves) -> list[Candidate]:
