@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from camtorque.laws.chain import evaluate, with_substeps
@@ -9,7 +11,7 @@ from camtorque.laws.chamber import FLOW, KERNEL_UNITS, LOWEST
 from camtorque.laws.fluid import ATMOSPHERE, specific_volume
 from camtorque.laws.leakage import leak_flow
 from camtorque.laws.ports import LAMINAR, SUCTION_OPENS, SUCTION_SOFT, flow_root, opening, suction_root
-from camtorque.laws.valve import CUSHION, STOP, STOP_CUSHION, STOP_LOSS, lifted, seat_drop, stop_force
+from camtorque.laws.valve import CUSHION, LIFTED, STOP, STOP_CUSHION, STOP_LOSS, lifted, seat_drop, stop_force
 from laws_cases import N, chain_input, refined, start_values
 
 CLOSED = {"port_width": 0.0, "leakage": 0.0, "end_of_delivery": -9.0, "outlet_return": 0.0}
@@ -116,10 +118,22 @@ def test_a_revolution_begins_with_what_a_suction_valve_has_left_at_its_end(area)
     whole = volume(data, output, values)[0] / specific([values["feed_pressure"]], values)[0]
     starved = whole - mass[-1] > 0.01 * whole
     assert starved == (area < 0.1e-6)
-    # what flows in a step of 0.05 degrees lies between both ends
-    np.testing.assert_allclose(mass[0], mass[-1], rtol=2e-4)
+    # what flows in a step of 0.05 degrees lies between both ends, and what the valve sweeps, which begins at its seat
+    np.testing.assert_allclose(mass[0], mass[-1], rtol=3e-4)
     known = evaluate(data, values, tangents=True, known=output.path)
     np.testing.assert_allclose(known.pressure, output.pressure, rtol=1e-9, atol=1.0)
+
+
+@pytest.mark.parametrize("retraction", [0.0, 0.4e-9, 12e-9])
+def test_a_line_does_not_run_back_through_a_valve_that_rests(retraction):
+    """The seat's opening had a tail: 123 of 196 mm^3 that a pump delivered in a stroke ran back at 250 bar."""
+    values = {**start_values("spill"), "retraction_volume": retraction, "line_inertance": 0.0}
+    data = chain_input(n=3600)
+    output = evaluate(replace(data, line_pressure=np.full(data.theta.size, 250e5)), values)
+    seat, resting = output.flows[:, 2], output.states[:, 1] < CUSHION - LIFTED
+    assert np.count_nonzero(resting) > 0.6 * resting.size
+    assert np.all(seat[resting] == 0.0)
+    assert np.sum(seat[seat > 0.0]) > 50.0 * abs(np.sum(seat[seat < 0.0]))
 
 
 def test_mass_is_kept_through_vapour():
@@ -228,8 +242,9 @@ def test_functions_of_the_kernel_have_the_derivatives_that_they_state(function):
         assert opening(0.4, 0.0)[0] == 0.4
         assert opening(0.4, 1.0)[0] == pytest.approx(3 * 0.16 - 2 * 0.064)
     if function == "lifted":
-        compare(lambda v: lifted(v, 12.0)[0], 11.8, lifted(11.8, 12.0)[1], 1e-6)
-        assert lifted(32.0, 12.0)[0] == pytest.approx(20.0, rel=2e-3)
+        compare(lambda v: lifted(v, 12.0)[0], 12.4, lifted(12.4, 12.0)[1], 1e-6)
+        assert lifted(32.0, 12.0)[0] == 20.0 - CUSHION
+        assert lifted(0.0, 0.0) == (0.0, 0.0), "a valve on its seat is shut"
     if function == "leak":
         numbers = [700.0, 4.0, 0.3, 3e-4]
         result = leak_flow(*numbers)

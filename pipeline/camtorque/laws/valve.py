@@ -5,14 +5,15 @@
     Q_out  = a A_out C sqrt(p - g)       a: outlet open until its land closes (end of delivery), and again below a
                                             share of that lift on the return
     d[(V_g + u) rho(g)]/dt = Q_out - Q_seat
-    Q_seat = alpha max(0, u - V_r) C sqrt(g - p_in)
+    h      = max(0, u - u_0 - V_r)
+    Q_seat = alpha h C sqrt(g - p_in)
     p_in   = p_line + I d(u' + Q_seat)/dt
-    M (u'' + r u') = g + (1 - sigma)(p - g) - p_in - p_open - S (u - V_r) - w (alpha / A_out) max(0, u - V_r) + stops
+    M (u'' + r u') = g + (1 - sigma)(p - g) - p_in - p_open - S (u - V_r) - w (alpha / A_out) h + stops
 
-u is the volume that the valve has swept from its seat, V_r the one at which its collar clears the seat (retraction
-volume), M its mass over the square of its area, S its spring rate over the same. sigma is the share of the pressure
-difference over the outlet that the valve does not feel, w the flow force where seat and outlet area are equal. I is
-the inertance rho L / A of the oil up to the sensor, short against the waves.
+u is the volume that the valve has swept from its seat, which is touched below u_0; V_r what it sweeps from there until
+its collar clears the seat (retraction volume), M its mass over the square of its area, S its spring rate over the same.
+sigma is the share of the pressure difference over the outlet that the valve does not feel, w the flow force where seat
+and outlet area are equal. I is the inertance rho L / A of the oil up to the sensor, short against the waves.
 Without mass and with a small V_r this is the usual massless valve.
 """
 
@@ -34,7 +35,7 @@ CUSHION, STOP_CUSHION = 0.5, 3.0
 RETURN_SPAN = 0.3
 """Lift over which the outlet opens again on the return [mm]."""
 LIFTED = 0.3
-"""Volume over which the seat's opening is rounded [mm^3]."""
+"""Volume to either side over which the seat's opening is rounded [mm^3]."""
 SEAT_FLOW = 2
 """Column of the chamber's flows that is the one past the delivery valve's seat."""
 SEAT_ITERATIONS, SEAT_SETTLED = 30, 1.0e-12
@@ -80,10 +81,17 @@ END_ROWS = (
 
 @njit(cache=True, error_model="numpy", inline="always")
 def lifted(u, retraction):  # type: ignore[no-untyped-def]
-    """Return max(0, u - V_r) with a rounded corner, and its derivative by u."""
-    x = u - retraction
-    root = np.sqrt(x * x + LIFTED * LIFTED)
-    return 0.5 * (x + root), 0.5 * (1.0 + x / root)
+    """Return max(0, u - u_0 - V_r) with a rounded corner, and its derivative by u; the seat is touched below u_0.
+
+    A valve that rests is shut: through a corner with tails, a line of 250 bar ran back over half of a stroke.
+    """
+    x = (u - CUSHION - retraction) / LIFTED
+    if x <= -1.0:
+        return 0.0, 0.0
+    if x >= 1.0:
+        return x * LIFTED, 1.0
+    share = 0.5 * (x + 1.0)
+    return share * share * LIFTED, share
 
 
 @njit(cache=True, error_model="numpy")
