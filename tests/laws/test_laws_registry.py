@@ -153,8 +153,11 @@ def test_the_contact_force_drives_all_that_acts_along_the_plunger():
     parts, force = cam_torques(data, values, output, chosen, np.zeros(THETA.size))
     assert np.max(np.abs(force)) > 50.0
     torque = np.sum([parts[name] for name in CAUSES if name != "lift_table"], axis=0)
-    found = contact_load(data, values, output, force) * output.motion.lift[1]
-    np.testing.assert_allclose(found, torque, rtol=1e-12, atol=1e-9)
+    along, normal = contact_load(data, values, output, force)
+    np.testing.assert_allclose(along * output.motion.lift[1], torque, rtol=1e-12, atol=1e-9)
+    flank = np.arctan((output.motion.lift[1] - data.constants.offset) / (data.constants.base + output.motion.lift[0]))
+    np.testing.assert_allclose(normal * np.cos(flank), along, rtol=1e-12)
+    assert np.max(np.abs(flank)) > 0.2
 
 
 def test_a_drive_that_gives_way_is_no_loss_of_shaft_and_coupling():

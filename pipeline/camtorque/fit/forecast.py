@@ -77,7 +77,7 @@ class Forecast(ReadOnly):
     mean_std : of the mean torque [N m]
     by_cause, by_cause_std : cause -> (n,) [N m]; the law's error is not split over causes
     pressure, pressure_std : (n,) on the plunger [Pa]
-    contact, contact_std : (n,) contact force along the follower [N]
+    contact, contact_std : (n,) contact force normal to the cam [N]
     plunger_force : (n,) of packing, drag and the spring's errors, against the lift [N]
     true_angle : (n,) [rad]
     flow : (n,) from the chamber to the line [m^3/s]
@@ -154,7 +154,7 @@ def forecast(
     torque = center["torque"]
     law = law_std(torque, share)
     if known.lift is not None:
-        std["cause lift_table"] = np.abs(center["contact"]) * known.lift.slope_stderr(center["angle"])
+        std["cause lift_table"] = np.abs(center["load"]) * known.lift.slope_stderr(center["angle"])
         law = np.hypot(law, std["cause lift_table"])
     total = np.hypot(std["torque"], law)
     shape = np.min([shape_of(item.torque, total) for item in scatters], axis=0)
@@ -289,7 +289,7 @@ def settled(chain: ChainInput, values: Mapping[str, float]) -> ChainInput:
 
 
 def _parts(chain: ChainInput, values: Mapping[str, float], lift: SharedLift | None) -> dict[str, Array]:
-    """Return torque, causes, pressure, contact force and cam angle of one set of values, (n,) each."""
+    """Return torque, causes, pressure, contact forces and cam angle of one set of values, (n,) each."""
     linear = coefficients_of(values)
     output: ChainOutput = evaluate(chain, values)
     slope = np.zeros(chain.theta.size) if lift is None else lift.slope(output.motion.theta)
@@ -298,9 +298,10 @@ def _parts(chain: ChainInput, values: Mapping[str, float], lift: SharedLift | No
     left_out = ("torque_zero", "lift_table") if lift is None else ("torque_zero",)
     named = {f"cause {name}": part for name, part in causes.items() if name not in left_out}
     torque = np.asarray(np.sum(list(causes.values()), axis=0))
+    along, normal = contact_load(chain, values, output, force)
     return {
         **named, "torque": torque, "mean": np.array(np.mean(torque)), "pressure": output.pressure,
-        "contact": contact_load(chain, values, output, force), "plunger_force": force, "angle": output.motion.theta,
+        "load": along, "contact": normal, "plunger_force": force, "angle": output.motion.theta,
         "flow": output.flows[:, SEAT_FLOW], "delivered": np.array(stroke_volume(chain, values, output)),
     }  # fmt: skip
 

@@ -56,11 +56,17 @@ def cam_torques(
     return parts, force
 
 
-def contact_load(data: ChainInput, values: Mapping[str, float], output: ChainOutput, force: Array) -> Array:
-    """Return the contact force along the follower with the plunger's (n,), which the guide raises too, (n,) [N]."""
+def contact_load(
+    data: ChainInput, values: Mapping[str, float], output: ChainOutput, force: Array
+) -> tuple[Array, Array]:
+    """Return the contact force along the follower and normal to the cam, (n,) each [N].
+
+    ``force`` is the plunger's (n,), which the guide raises too.
+    """
     pump, lift = data.constants, output.motion.lift
-    _, tangent, *_ = path_at(*lift[:3], pump.base, pump.offset, pump.radius)
-    return np.asarray(output.load + force * guide_gain(tangent, lift[1], values["guide_friction"]))
+    _, tangent, secant, *_ = path_at(*lift[:3], pump.base, pump.offset, pump.radius)
+    along = np.asarray(output.load + force * guide_gain(tangent, lift[1], values["guide_friction"]))
+    return along, along * secant
 
 
 def measured_torques(
