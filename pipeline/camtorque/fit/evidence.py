@@ -200,7 +200,7 @@ def evidence_of(fit: Weighed, losses: Sequence[str], refitted: Refits | None = N
         refits = dict(zip(close, refitted([MEMBERS[name] for name in close]), strict=True)) if refitted else {}
         return [_judged(fit, name, quick, refits.get(name, np.nan)) for name, quick in quickly.items()]
 
-    found = [_by_part(fit, row, refitted) for row in weighed(losses)]
+    found = [_from_zero(_by_part(fit, row, refitted)) for row in weighed(losses)]
     apart = any(row.verdict == "needed" for row in found if row.name in APART)
     together = [] if apart else [row for row in weighed([EITHER_LOSS]) if row.verdict == "needed"]
     return (*found, *together)
@@ -240,6 +240,11 @@ def _by_part(fit: Weighed, row: LossEvidence, refitted: Refits | None) -> LossEv
     return replace(row, two_ln_bayes_factor=factor, verdict="needed", confirmed_by_refit=not np.isnan(refit), text=text)
 
 
+def _from_zero(row: LossEvidence) -> LossEvidence:
+    """Return a loss whose interval begins at nothing unless it is needed: draws of what cannot be negative never do."""
+    return row if row.verdict == "needed" else replace(row, size_ci95=(0.0, row.size_ci95[1]))
+
+
 def where_unexplained(evidence: tuple[LossEvidence, ...]) -> tuple[LossEvidence, ...]:
     """Return the evidence of a fit that leaves something unexplained: what it does not need may be what is missing."""
     return tuple(
@@ -258,7 +263,10 @@ def _refitted(problem: Problem, solution: Solution, cov: Covariance, names: tupl
 
 
 def _size(fit: Weighed, name: str) -> tuple[float, tuple[float, float], str]:
-    """Return how much a loss moves the mean cycle, with 95 % interval: rms torque [N m] or rms twist [deg]."""
+    """Return how much a loss moves the mean cycle, with 95 % interval: rms torque [N m] or rms twist [deg].
+
+    Draws lie about the mean within the bounds, which the minimum may lie beside: the interval holds that, too.
+    """
     chosen, inside = fit.places(fit.members(name)), fit.posterior.within
     root = np.linalg.cholesky(inside.matrix[np.ix_(chosen, chosen)] + 1e-30 * np.eye(chosen.size))
     normal = np.random.default_rng(1).standard_normal((SIZE_DRAWS, chosen.size))
@@ -267,7 +275,8 @@ def _size(fit: Weighed, name: str) -> tuple[float, tuple[float, float], str]:
     mean_square = np.einsum("ij,jk,ik->i", each, fit.moves[name], each)
     sizes = (180.0 / np.pi if name == "driveline" else 1.0) * np.sqrt(np.maximum(mean_square, 0.0))
     low, high = np.quantile(sizes[1:], [0.025, 0.975])
-    return float(sizes[0]), (float(low), float(high)), "deg" if name == "driveline" else "N m"
+    best = float(sizes[0])
+    return best, (min(float(low), best), max(float(high), best)), "deg" if name == "driveline" else "N m"
 
 
 def _columns(output: ChainOutput, names: Sequence[str], loss: str) -> Array:
@@ -285,9 +294,9 @@ def strength(factor: float) -> str:
 
 def _sentence(name: str, verdict: str, factor: float, size: float, interval: tuple[float, float], unit: str) -> str:
     what = {"driveline": "twist of shaft, coupling and drive"}.get(name, name.replace("_", " "))
-    span = f"between {interval[0]:.2g} and {interval[1]:.2g} {unit} rms"
+    most = f"at most {interval[1]:.2g} {unit} rms"
     if verdict == "needed":
         return f"the data need {what} ({size:.2g} {unit} rms; {strength(factor)})"
     if verdict == "not needed":
-        return f"the data do not need {what}: at most {interval[1]:.2g} {unit} rms ({strength(factor)})"
-    return f"the data cannot tell whether there is {what}: {span} ({strength(factor)})"
+        return f"the data do not need {what}: {most} ({strength(factor)})"
+    return f"the data cannot tell whether there is {what}: {most} ({strength(factor)})"

@@ -116,7 +116,7 @@ def chamber_evidence(candidates: tuple[Candidate, ...], inflation: float) -> Los
     # both sides are fitted: absence does not rest on widths of priors as that of a loss does, and needs no more
     verdict = "needed" if factor > NEEDED and trusted else "not needed" if factor < -NEEDED else "cannot tell"
     text = f"a chamber apart from the line moves the torque by {size:.2g} N m rms ({strength(factor)})"
-    return LossEvidence("chamber", float(factor), verdict, True, size, (size, size), "N m", text)
+    return LossEvidence("chamber", float(factor), verdict, True, size, (np.nan, np.nan), "N m", text)
 
 
 @dataclass(frozen=True)

@@ -79,7 +79,8 @@ class LossEvidence:
     two_ln_bayes_factor : 2 ln of the Bayes factor for the loss against its absence; nan where it was not computed
     verdict : ``needed``, ``not needed`` or ``cannot tell``
     confirmed_by_refit : True where a fit without the loss was made
-    size, size_ci95, unit : how much the loss moves the mean cycle (rms torque [N m] or angle [deg])
+    size, size_ci95, unit : how much the loss moves the mean cycle (rms torque [N m] or angle [deg]); the interval
+        begins at 0 unless the loss is needed, and is nan of a chamber, which is there or not
     text : one sentence a test engineer understands
     """
 

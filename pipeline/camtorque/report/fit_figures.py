@@ -65,9 +65,9 @@ def size_text(row: LossEvidence) -> str:
     """Return the size of a loss with its interval in words."""
     if not math.isfinite(row.size):
         return UNKNOWN
-    low, high = (significant(end, 2) for end in row.size_ci95)
-    if low == high:
+    if not math.isfinite(row.size_ci95[1]):
         return f"{significant(row.size, 2)} {unit_text(row.unit)}"
+    low, high = (significant(end, 2) for end in row.size_ci95)
     return f"{significant(row.size, 2)} ({low} … {high}) {unit_text(row.unit)}"
 
 
