@@ -27,7 +27,7 @@ from camtorque.fit.pair import pair_of
 from camtorque.fit.planning import TOOTH, next_measurement, proposals
 from camtorque.fit.prepare import INDEPENDENT, bin_weights, mean_cycles, on_grid
 from camtorque.fit.problem import with_starts
-from camtorque.fit.residual import BUMP_WINDOW_DEG, parts_of_gap, phase_at, residual_bumps, ringing
+from camtorque.fit.residual import BUMP_WINDOW_DEG, least_place_std, parts_of_gap, phase_at, residual_bumps, ringing
 from camtorque.fit.result import (
     alternatives,
     fitted_torque,
@@ -83,7 +83,7 @@ def test_work_and_torque_by_cause_scatter_as_stated(fit):
     narrow = replace(fit, deviation=1e-4 * fit.deviation, shifts={})
     case = quick_prepared(*LAND)
     forward, fall, lowest = parts_of_gap(case.rigid, case.means.torque_all)
-    stated_work, stated_gap = sureness(narrow, case.rigid, case.means.torque_all)
+    stated_work, stated_gap = sureness(narrow, case.rigid, case.means.torque_all, 0.0)
     rng = np.random.default_rng(3)
     std = np.sqrt(np.diag(narrow.deviation))
     root = np.linalg.cholesky(narrow.deviation / np.outer(std, std) + 1e-10 * np.eye(std.size))
@@ -92,6 +92,7 @@ def test_work_and_torque_by_cause_scatter_as_stated(fit):
     means = (case.means.torque, case.means.pressure)
     n = case.means.torque.size
     models = [on_cycles(modelled(fit.problem, z, 0, lifts, fit.measured, means), n) for z in draws]
+    curves_at_best = model_of(fit, *means).by_cause
     works = [work_at(fit.problem.data[0].chain, *fit.problem.values(z, 0)) for z in draws]
     for name in ("pressure", "friction", "damping", "driveline", "friction_and_damping"):
         assert np.std([work[name] for work in works]) == pytest.approx(stated_work[name], rel=0.2), name
@@ -103,8 +104,37 @@ def test_work_and_torque_by_cause_scatter_as_stated(fit):
             np.std(curves[:, lowest]),
         ]
         np.testing.assert_allclose(found, stated_gap[name], rtol=0.2, err_msg=name)
+    # noise that moves the place of the minimum moves a cause by its slope there
+    cause, place_std = "spring", 0.01
+    placed = sureness(narrow, case.rigid, case.means.torque_all, place_std)[1]
+    curve = curves_at_best[cause]
+    slope = (curve[lowest + 3] - curve[lowest - 3]) / (6.0 * 2.0 * np.pi / n)
+    assert placed[cause][2] == pytest.approx(np.hypot(stated_gap[cause][2], place_std * slope), rel=0.05)
+    np.testing.assert_array_equal(placed[cause][:2], stated_gap[cause][:2])
     moved = replace(narrow, shifts={"other law": 1e4 * std[None]})
-    assert sureness(moved, case.rigid, case.means.torque_all)[0]["pressure"] > 10.0 * stated_work["pressure"]
+    assert sureness(moved, case.rigid, case.means.torque_all, 0.0)[0]["pressure"] > 10.0 * stated_work["pressure"]
+
+
+@pytest.mark.parametrize("noise", [0.005, 0.02])
+def test_the_place_of_a_minimum_scatters_as_stated(noise: float) -> None:
+    """Torques of a flat minimum under noise over six degrees, drawn 400 times, against what each draw's halves tell."""
+    n, rng = 3600, np.random.default_rng(8)
+    theta = np.arange(n) * 2.0 * np.pi / n
+    true = 10.0 * np.cos(theta)
+    spectrum = np.exp(-0.5 * (np.fft.rfftfreq(n, 1.0 / n) * np.radians(3.0)) ** 2)
+
+    def half() -> np.ndarray:
+        drawn = np.fft.irfft(np.fft.rfft(rng.standard_normal(n)) * spectrum, n)
+        return true + noise * drawn / np.std(drawn)
+
+    places, stated = [], []
+    for _ in range(400):
+        one, other = half(), half()
+        both = 0.5 * (one + other)
+        lowest = int(np.argmin(both))
+        places.append(theta[lowest])
+        stated.append(least_place_std(SimpleNamespace(torque=one, held_torque=other, torque_all=both), lowest))  # type: ignore[arg-type]
+    assert np.std(places) == pytest.approx(np.sqrt(np.mean(np.square(stated))), rel=0.25)
 
 
 def test_a_prior_alone_leaves_the_prior(fit):

@@ -15,13 +15,13 @@ from camtorque.fit.prepare import at_cam_angles, cam_angles, over_even_angle
 from camtorque.fit.problem import FitData, Problem
 from camtorque.fit.residual import parts_of_gap
 from camtorque.fit.single import Fit, FittedParameters
-from camtorque.fit.uncertainty import COVERAGE, knowledge, secant_steps
+from camtorque.fit.uncertainty import knowledge, secant_steps
 from camtorque.laws.causes import ON_BRIDGE_ALONE, cam_torques, drive_work, measured_torques, work_per_revolution
 from camtorque.laws.chain import COLUMN_NAMES, SHIFT_NAMES, ChainInput, ChainOutput, Motion, evaluate
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.driveline import FOLLOWING, RIGID, SHAFT_NAMES, cam_side_inertia
 from camtorque.records import APART, TOGETHER, UNTOLD, Array, Estimate, ParameterEstimate, RigidTorque
-from camtorque.units import TURN, angle_grid
+from camtorque.units import COVERAGE, TURN, angle_grid
 
 NOT_CARRIED = "lift_table"
 """The correction of the lift is no parameter of the fit."""
@@ -178,13 +178,16 @@ def input_work(
     return TURN * mean + drive_work(chain, values)
 
 
-def sureness(fit: Fit, rigid: RigidTorque, measured: Array) -> tuple[dict[str, float], dict[str, Array]]:
+def sureness(
+    fit: Fit, rigid: RigidTorque, measured: Array, place_std: float
+) -> tuple[dict[str, float], dict[str, Array]]:
     """Return how sure work and torque by cause of a recording are.
 
     Parameters
     ----------
     rigid : rigid solution, whose strokes are meant
     measured : (n_theta,) mean measured torque on the grid of ``rigid`` [N m]
+    place_std : how far noise moves the place at which that is least on the return [rad]
 
     Returns
     -------
@@ -203,6 +206,8 @@ def sureness(fit: Fit, rigid: RigidTorque, measured: Array) -> tuple[dict[str, f
     std = carried(fit, flat)
     works = dict(zip(work, std.tolist(), strict=False))
     gaps = dict(zip(gap, std[len(work) :].reshape(len(gap), -1), strict=True))
+    for name, row in gaps.items():
+        gaps[name] = np.array([*row[:2], np.hypot(row[2], place_std * gap[name][3])])
     del works[NOT_CARRIED], gaps[NOT_CARRIED]
     # its value is by the certificate's gain, whatever gain is fitted
     works[INPUT] = float(np.hypot(works[INPUT], work[INPUT] * (item.rows["gain_error"].prior or (0.0, 0.0))[1]))
@@ -248,7 +253,7 @@ def line_pressure_torque(rigid: RigidTorque, angle: Array, force: Array) -> Arra
 def _both(
     item: FitData, values: Mapping[str, float], coefficients: Array, rigid: RigidTorque, parts: Array
 ) -> tuple[dict[str, float], dict[str, Array]]:
-    """Return work by loss and put in, and torque by cause, less a constant, averaged over parts (3, n) of the angle."""
+    """Return work by loss and put in, and torque by cause, less a constant, weighed by parts (4, n) of the angle."""
     chain = item.chain
     output, torques, work = _caused(chain, values, coefficients)
     work[INPUT] = input_work(item, chain, values, coefficients, torques)
@@ -259,10 +264,14 @@ def _both(
 
 
 def _parts(chain: ChainInput, rigid: RigidTorque, measured: Array) -> Array:
-    """Return the weights (3, n) that average a curve of the fit's grid over the parts of the gap in `sureness`."""
+    """Return the weights (4, n) that average a curve of the fit's grid over the parts of the gap in `sureness`.
+
+    The last ones are those of its slope where the torque is least [1/rad].
+    """
     forward, fall, lowest = parts_of_gap(rigid, measured)
     cam = cam_angles(chain)
     masks = [np.interp(cam, rigid.theta, mask.astype(np.float64), period=TURN) for mask in (forward, fall)]
-    masks.append(np.zeros(cam.size))
-    masks[-1][np.argmax(np.cos(cam - rigid.theta[lowest]))] = 1.0
-    return np.array([mask / np.sum(mask) for mask in masks])
+    least = np.zeros(cam.size)
+    least[np.argmax(np.cos(cam - rigid.theta[lowest]))] = 1.0
+    slope = (np.roll(least, 1) - np.roll(least, -1)) * cam.size / (2.0 * TURN)
+    return np.array([*(mask / np.sum(mask) for mask in masks), least, slope])

@@ -15,6 +15,7 @@ from camtorque.fit.solver import Solution
 from camtorque.fit.uncertainty import Covariance, inverse
 from camtorque.laws.chain import BINS, derivative_by
 from camtorque.records import Array, Mask, Metrics, ResidualBump, RigidTorque
+from camtorque.units import DEGREE, TURN
 
 UNEXPLAINED_TIMES = 3.0
 UNEXPLAINED_SHARE = 1.5e-3
@@ -25,6 +26,9 @@ BUMP_WINDOW_DEG = 3.0
 MOST_BUMPS = 4
 LEAST_SWINGS, RINGING_SHARE, RINGING_WIDTH = 5, 0.5, 12
 """A bump rings where so many swings at least, within so many quarters of a line of the spectrum, hold this share."""
+LEAST_REACH, LEAST_PLACES = 3.0 * DEGREE, 5
+"""Angle to either side over which slope and curvature of a minimum are taken, and places to either side that tell how
+much the slope scatters."""
 STROKE = (0.05, 0.95)
 """Shares of the lift between which a stroke counts."""
 
@@ -163,6 +167,22 @@ def parts_of_gap(rigid: RigidTorque, measured: Array) -> tuple[Mask, Mask, int]:
     """Return both of `loaded_part`, and where the measured torque (n_theta,) is least on the return stroke."""
     forward, fall = loaded_part(rigid.torque, rigid.lift, rigid.lift_velocity)
     return forward, fall, int(np.flatnonzero(fall)[np.argmin(measured[fall])])
+
+
+def least_place_std(means: MeanCycles, lowest: int) -> float:
+    """Return how far noise moves the place at which the mean torque is least [rad].
+
+    A minimum lies where the slope is none: the slope of what both halves of the cycles differ in, over the curvature.
+    """
+    step = TURN / means.torque_all.size
+    reach = max(round(LEAST_REACH / step), 1)
+    apart = np.arange(-reach, reach + 1)
+    curvature = 2.0 * np.polyfit(step * apart, np.take(means.torque_all, lowest + apart, mode="wrap"), 2)[0]
+    half = 0.5 * (means.torque - means.held_torque)
+    around = lowest + reach * np.arange(-LEAST_PLACES, LEAST_PLACES + 1)[:, None] + apart
+    slopes = np.take(half, around, mode="wrap") @ apart / (step * np.sum(apart**2))
+    noise = float(np.sqrt(np.mean(slopes**2)))
+    return min(noise / curvature, LEAST_REACH) if curvature > 0.0 else LEAST_REACH
 
 
 def metrics_of_fit(

@@ -28,7 +28,15 @@ from camtorque.fit.findings import (
 from camtorque.fit.planning import next_measurement
 from camtorque.fit.prepare import MeanCycles, at_cam_angles
 from camtorque.fit.problem import SEPARATOR, STRUCTURES
-from camtorque.fit.residual import STROKE, block_cross_validation, is_explained, metrics_of_fit, residual_bumps
+from camtorque.fit.residual import (
+    STROKE,
+    block_cross_validation,
+    is_explained,
+    least_place_std,
+    metrics_of_fit,
+    parts_of_gap,
+    residual_bumps,
+)
 from camtorque.fit.single import Fit, FittedParameters
 from camtorque.fit.uncertainty import (
     confidence,
@@ -90,7 +98,8 @@ def fitted_torque(
     stds = pressure_stds(fit, fitted)
     known = {row.name.split(SEPARATOR)[0]: row for row in parameters}
     trigger = _moved(config.trigger.nominal_angle, known["trigger_offset"], DEGREE)
-    losses_stderr, gap_stderr = sureness(fit, rigid, means.torque_all)
+    place_std = least_place_std(means, parts_of_gap(rigid, means.torque_all)[2])
+    losses_stderr, gap_stderr = sureness(fit, rigid, means.torque_all, place_std)
     residual = means.torque - fitted.torque
     peak = float(np.max(means.torque_all))
     explained = is_explained(residual, means.odd_even, peak)
