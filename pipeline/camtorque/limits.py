@@ -15,8 +15,8 @@ import numpy as np
 
 from camtorque.config.keys import Band, Key, TableSchema
 from camtorque.config.tables import Problems, Table, read_closed, read_schema
-from camtorque.records import Refusal
-from camtorque.units import did_you_mean, expected_one_of, plain_unit
+from camtorque.records import UNTOLD, Refusal
+from camtorque.units import COVERAGE, did_you_mean, expected_one_of, plain_unit
 
 LIMITS_SCHEMA = "camtorque-limits/1"
 PASS, FAIL, CANNOT_TELL = "pass", "fail", "cannot tell"
@@ -153,8 +153,11 @@ def _judged(document: Mapping[str, Any], limit: Limit) -> Verdict:
         error, said = None, (CANNOT_TELL, f"the band is in {limit.unit}, the result {told}")
     elif limit.quantity.startswith(FITTED) and not document.get("explained", True):
         said = CANNOT_TELL, "the model leaves the recording unexplained"
+    elif last == "value" and group.get("knowledge") in UNTOLD:
+        said = CANNOT_TELL, f"the recording does not tell it ({group['knowledge']})"
     else:
-        said = _compared(limit, float(value), error)
+        ends = group.get("ci95") if last == "value" else None
+        said = _compared(limit, float(value), _sides(float(value), error, ends))
     return Verdict(limit, limit.unit or unit, float(value), error, *said)
 
 
@@ -163,15 +166,25 @@ def _unit_of_name(names: Sequence[str]) -> str:
     return next((unit for name in names for end, unit in UNIT_OF_ENDING.items() if name.endswith(end)), "")
 
 
-def _compared(limit: Limit, value: float, stderr: float | None) -> tuple[str, str]:
+def _sides(value: float, stderr: float | None, ci95: Sequence[float] | None) -> tuple[float, float] | None:
+    """Return one standard uncertainty below and above a value: of its 95 % interval where one is stated.
+
+    An interval is lopsided beside a bound, and of a number that is known by its logarithm.
+    """
+    if ci95 is not None:
+        return max(value - ci95[0], 0.0) / COVERAGE, max(ci95[1] - value, 0.0) / COVERAGE
+    return None if stderr is None else (stderr, stderr)
+
+
+def _compared(limit: Limit, value: float, sides: tuple[float, float] | None) -> tuple[str, str]:
     """Return verdict and reason; with a guard, a band that the uncertainty reaches across is not decided."""
     low, high = -np.inf if limit.min is None else limit.min, np.inf if limit.max is None else limit.max
-    if limit.guard and stderr is None:
+    if limit.guard and sides is None:
         return CANNOT_TELL, "a guard is wanted and the result states no uncertainty"
-    spread = limit.guard * (stderr or 0.0)
-    if low <= value - spread and value + spread <= high:
+    below, above = (limit.guard * side for side in sides or (0.0, 0.0))
+    if low <= value - below and value + above <= high:
         return PASS, ""
-    if value + spread < low or value - spread > high:
+    if value + above < low or value - below > high:
         return FAIL, f"{value - high:.4g} above the band" if value > high else f"{low - value:.4g} below the band"
     return CANNOT_TELL, f"within {limit.guard:g} standard uncertainties of a limit"
 

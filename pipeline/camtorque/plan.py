@@ -28,7 +28,6 @@ from camtorque.fit.planning import (
     weighed,
 )
 from camtorque.fit.prepare import lift_basis
-from camtorque.fit.uncertainty import COVERAGE
 from camtorque.hashes import input_file
 from camtorque.jsonable import now as created
 from camtorque.laws import ROWS
@@ -37,7 +36,7 @@ from camtorque.records import Refusal
 from camtorque.report.files import inputs_document
 from camtorque.report.fit_file import NAME as FIT_NAME
 from camtorque.results import CAMPAIGN, NAME, read_campaign, read_result
-from camtorque.units import BAR, DECIMAL, RPM, did_you_mean, plain_unit
+from camtorque.units import BAR, COVERAGE, DECIMAL, RPM, did_you_mean, plain_unit
 from camtorque.version import __version__
 
 CHAMBER_PEAK = "chamber_peak"

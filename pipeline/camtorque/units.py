@@ -23,6 +23,8 @@ RPM = TURN / 60.0
 """Radian per second per revolution per minute."""
 DEGREE = np.pi / 180.0
 """Radian per degree."""
+COVERAGE = 1.959964
+"""Standard uncertainties to either side that an interval of 95 % holds."""
 STEEL_DENSITY = 7850.0
 """Density of bearing steel 100Cr6 [kg/m^3] (EN ISO 683-17 sheets: 7800 to 7850)."""
 ATMOSPHERE = 101_325.0

@@ -71,6 +71,33 @@ def test_a_value_and_its_band(changes: dict[str, object], verdict: str, reason: 
     assert reason in why
 
 
+LOPSIDED = {"value": 0.161, "stderr": 0.069, "unit": "-", "ci95": [0.072, 0.358], "knowledge": "measured"}
+AT_BOUND = {"value": 0.0, "stderr": 0.2, "unit": "-", "ci95": [0.0, 0.4], "knowledge": "upper limit"}
+
+
+@pytest.mark.parametrize(
+    ("row", "band", "verdict"),
+    [
+        (LOPSIDED, {"max": 0.31}, "cannot tell"),  # 0.161 + 2 * 0.069 = 0.30, where the interval ends at 0.36
+        (LOPSIDED, {"max": 0.37}, "pass"),
+        (LOPSIDED, {"min": 0.06}, "pass"),  # 0.161 - 2 * 0.069 = 0.02, where the interval begins at 0.07
+        (AT_BOUND, {"min": 0.0, "max": 0.6}, "pass"),  # nothing lies below the bound
+        (AT_BOUND, {"max": 0.3}, "cannot tell"),
+        ({**AT_BOUND, "knowledge": "from the sheet"}, {"max": 0.6}, "cannot tell"),
+        ({**AT_BOUND, "knowledge": "not told by the data"}, {"max": 0.6}, "cannot tell"),
+    ],
+)
+def test_a_parameter_is_judged_by_its_interval_and_where_it_is_told(
+    row: dict[str, object], band: dict[str, float], verdict: str
+) -> None:
+    document = {"explained": True, "parameters": {"shaft_damping": row}}
+    limit = Limit("parameters.shaft_damping.value", band.get("min"), band.get("max"), guard=2.0)
+    (found,) = judge(document, [limit])
+    assert found.verdict == verdict
+    told = row["knowledge"] in ("measured", "upper limit")
+    assert ("does not tell it" in found.reason) == (not told)
+
+
 def test_a_fitted_value_of_an_unexplained_recording_cannot_be_judged() -> None:
     limits = [Limit("parameters.leakage.value", None, 0.45), Limit("metrics.fitted.rms_nm", None, 1.0)]
     fitted, measured = judge({**DOCUMENT, "explained": False}, limits)

@@ -25,9 +25,10 @@ from camtorque.fit.starts import (
     reweighted,
     rising_angles,
 )
-from camtorque.fit.uncertainty import COVERAGE, covariance, narrowed, prior_std, ripple
+from camtorque.fit.uncertainty import covariance, narrowed, prior_std, ripple
 from camtorque.laws import ROWS, bridge, valve
 from camtorque.mechanism.lift_laws import spectral_law
+from camtorque.units import COVERAGE
 from fit_cases import bridged, quick, quick_data, quick_prepared, rig, true_starts
 from rigs.cycles import as_cycles
 

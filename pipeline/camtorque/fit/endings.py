@@ -39,12 +39,11 @@ from camtorque.fit.known_ends import (
     variance_of,
 )
 from camtorque.fit.known_fit import FittedAt, KnownFit, LoadKnowledge
-from camtorque.fit.uncertainty import COVERAGE
 from camtorque.laws import ROWS
 from camtorque.laws.chain import ChainInput
 from camtorque.mechanism.predict import pressure_at
 from camtorque.records import Array, Estimate, ReadOnly, Refusal
-from camtorque.units import DEGREE, RPM, TURN
+from camtorque.units import COVERAGE, DEGREE, RPM, TURN
 
 LEAST_STD, UNKNOWN_STD = np.radians(0.06), np.radians(1.0)
 """Standard deviation of an end found by shape: where the fitted recordings never miss, where none can tell."""

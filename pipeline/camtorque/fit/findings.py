@@ -200,8 +200,8 @@ def _met_findings(fit: Fit, unexplained: float | None) -> list[Finding]:
         result.append(Finding("not_converged", "warning", text))
     if fit.covariance.inflation > 1.0:
         text = (
-            "the residual exceeds the scatter of the cycles and the admitted model error of 0.1 %; the uncertainties "
-            f"are widened by {np.sqrt(fit.covariance.inflation):.2f}"
+            "the residual exceeds the scatter of the cycles and the admitted model error, 0.1 % of the torque at each "
+            f"angle; the uncertainties are widened by {np.sqrt(fit.covariance.inflation):.2f}"
         )
         result.append(Finding("model_discrepancy", "info", text))
     return result

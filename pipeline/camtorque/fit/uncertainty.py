@@ -14,13 +14,13 @@ from camtorque.laws.chain import SHIFT_NAMES, ChainOutput
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.valve import SEAT_FLOW
 from camtorque.records import Array, Mask, ReadOnly
+from camtorque.units import COVERAGE
 
 STATED_VALUES = 10.0
 """Values that the stated variance of a residual is worth: it is known to within half."""
 LEAST_FREEDOM = INDEPENDENT / 3.0
 """Degrees of freedom that are counted at least, where parameters and lift correction nearly fill the revolution."""
 CYCLES = "cycles and model error"
-COVERAGE = 1.959964
 MEASURED, NARROWED = 0.3, 0.8
 """Posterior over prior standard deviation up to which a parameter counts as measured, as narrowed."""
 CONFOUNDED = 0.9

@@ -24,10 +24,10 @@ from camtorque.fit.changes import (
 )
 from camtorque.fit.derived import work_at
 from camtorque.fit.pair import TwoRecordings
-from camtorque.fit.uncertainty import COVERAGE
 from camtorque.laws import GROUPS
 from camtorque.laws.chain import coefficients_of
 from camtorque.records import Array
+from camtorque.units import COVERAGE
 
 SEEN = 4.3
 """Standard errors of a change that would have been told nearly always, the whole list counted."""

@@ -12,7 +12,6 @@ import numpy as np
 
 from camtorque.fit.changes import TOLD
 from camtorque.fit.pair import has_other_load
-from camtorque.fit.uncertainty import COVERAGE
 from camtorque.fit.verdicts import HINTS
 from camtorque.ingest.stated import TRIGGER
 from camtorque.jsonable import jsonable
@@ -21,7 +20,7 @@ from camtorque.report.chart import CAM_ANGLE, WIDE, Band, Curves, Line, Marks, P
 from camtorque.report.files import write_json, write_page
 from camtorque.report.numbers import UNKNOWN, in_a_row, plus_minus, rounded_to_error, significant, unit_text, words
 from camtorque.report.page import Drawing, drawing_of, render, write_figures
-from camtorque.units import BAR, DEGREE, LOGARITHM
+from camtorque.units import BAR, COVERAGE, DEGREE, LOGARITHM
 
 EVENTS: dict[str, str] = {
     "leakage": "leakage past the plunger (clearance, wear)",

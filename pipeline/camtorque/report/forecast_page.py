@@ -14,14 +14,13 @@ from camtorque.fit.endings import EITHER, holding
 from camtorque.fit.forecast import Forecast
 from camtorque.fit.known_ends import Curve
 from camtorque.fit.known_fit import FittedAt, KnownFit
-from camtorque.fit.uncertainty import COVERAGE
 from camtorque.jsonable import jsonable, now
 from camtorque.records import Array, Estimate, Forces
 from camtorque.report.chart import CAM_ANGLE, CYCLE, Band, Curves, Line, Panel
 from camtorque.report.files import write_json, write_page
 from camtorque.report.numbers import UNKNOWN, in_a_row, plus_minus, rounded_to_error, significant, words
 from camtorque.report.page import Drawing, drawing_of, render
-from camtorque.units import BAR, DEGREE, RPM, TURN, short
+from camtorque.units import BAR, COVERAGE, DEGREE, RPM, TURN, short
 from camtorque.version import __version__
 
 SCHEMA = "camtorque.predict_from/1"
