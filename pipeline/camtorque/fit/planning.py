@@ -223,8 +223,13 @@ def information(offer: Offer, runs: int) -> Array:
     own = np.concatenate([point.own, np.sqrt(runs) * point.lift], axis=-1) * weight
     taken = inverse(own.mT @ own + np.eye(own.shape[-1])) @ (own.mT @ shared)
     left = shared - own @ taken  # a sum of squares, in which no rounding makes a run take knowledge away
-    tooth = point.tooth[..., :, None] * point.tooth[..., None, :] / PLACE_STD**2
-    return np.asarray(left.mT @ left + taken.mT @ taken + (tooth if offer.tooth else 0.0))
+    return np.asarray(left.mT @ left + taken.mT @ taken + told_by_tooth(offer))
+
+
+def told_by_tooth(offer: Offer) -> Array:
+    """Return what the second tooth of a run tells of the fit's parameters, (..., k, k) [1/SI^2], nothing without."""
+    twist = offer.point.tooth / PLACE_STD * offer.tooth
+    return np.asarray(twist[..., :, None] * twist[..., None, :])
 
 
 def known_beside(known: KnownFit, fitted: Sequence[Offer], made: Sequence[Step], runs: int) -> Array:
@@ -296,9 +301,12 @@ def weighed(
     runs = len(known.recordings) + len(made) + 1
     before = known_beside(known, fitted, made, runs)
     has_tooth = any(row.offer.tooth for row in made)
-    found = []
+    found, by_torque = [], dict[tuple[int, float], Array]()  # the same with a second tooth and without
     for offer in offers:
-        told = information(offer, runs)
+        place = (id(offer.point), offer.duration)
+        if place not in by_torque:
+            by_torque[place] = information(replace(offer, tooth=False), runs)
+        told = by_torque[place] + told_by_tooth(offer)
         apart = any(at_another_speed(known, one) for one in (*(row.offer for row in made), offer)) and bool(told.any())
         tooth = TOOTH_MINUTES if offer.tooth and not has_tooth else 0.0
         minutes = SETUP_MINUTES + offer.duration / 60.0 + tooth
