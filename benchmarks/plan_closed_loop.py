@@ -22,9 +22,9 @@ from camtorque.finished_fit import chain_of
 from camtorque.fit.joint import joint_fit_of, solve_joint
 from camtorque.fit.joint_input import JointInput, joint_input
 from camtorque.fit.known_ends import Curve
-from camtorque.fit.known_fit import FittedAt, KnownFit
+from camtorque.fit.known_fit import FittedAt, KnownFit, drawn_about
 from camtorque.fit.planning import Measuring, Offer, TargetQuantity, operating_point, plan
-from camtorque.fit.single import Prepared, prepare
+from camtorque.fit.single import FittedParameters, Prepared, prepare
 from camtorque.plan import SPEED_FACTORS
 from camtorque.units import RPM
 from compare_twins import compared_side, recorded
@@ -57,7 +57,7 @@ class Bench:
     truth: RigTruth
     seed: int
     made: dict[tuple[Run, int], tuple[Prepared, JointInput]] = field(default_factory=dict)
-    fits: dict[Runs, KnownFit] = field(default_factory=dict)
+    fits: dict[Runs, tuple[KnownFit, FittedParameters]] = field(default_factory=dict)
 
     def recorded(self, run: Run, repeat: int) -> tuple[Prepared, JointInput]:
         """Return a recording; one that is made again has its own noise."""
@@ -70,8 +70,8 @@ class Bench:
             self.made[run, repeat] = prepared, joint_input(prepared)
         return self.made[run, repeat]
 
-    def fitted(self, added: Runs) -> KnownFit:
-        """Return the joint fit of the first two and some added recordings."""
+    def fitted(self, added: Runs) -> tuple[KnownFit, FittedParameters]:
+        """Return the joint fit of the first two and some added recordings, and what it states of the first."""
         key = tuple(sorted(added))
         if key not in self.fits:
             runs = (*START, *key)
@@ -84,20 +84,23 @@ class Bench:
                 for (one, _), data in zip(pairs, problem.data, strict=True)
             )
             names = problem.names
-            self.fits[key] = KnownFit(names, solution.z, fit.covariance.arrow, recordings)
+            known = KnownFit(names, solution.z, fit.covariance.arrow, recordings)
+            self.fits[key] = known, fit.recording(0)
         return self.fits[key]
 
     def known(self, added: Runs, target: str) -> tuple[float, bool]:
         """Return the standard error of a number [SI], and whether its 95 % interval holds the truth."""
-        fit = self.fitted(added)
-        k = fit.names.index(target)
-        std = float(fit.covariance.std[k])
-        return std, bool(abs(fit.values[k] - TRUE[target](self.truth)) < 1.96 * std)
+        _, stated = self.fitted(added)
+        k = stated.problem.names.index(target)
+        std = float(stated.std[k])
+        return std, bool(abs(stated.solution.z[k] - TRUE[target](self.truth)) < 1.96 * std)
 
 
 def proposed(bench: Bench, added: Runs, target: str) -> Run | None:
     """Return the run that `plan` proposes first, None where it proposes none."""
-    known, points, fitted, loads = bench.fitted(added), [], [], {}
+    known, points, fitted, loads = bench.fitted(added)[0], [], [], {}
+    number = TargetQuantity(np.eye(len(known.names))[known.names.index(target)], within=known.within)
+    drawn = tuple(drawn_about(known, number.deviation(known.matrix)))
     for run in START:
         item, _ = bench.recorded(run, 0)
         curve = Curve(item.cycles.theta, item.means.pressure_all, item.cycles.mean_speed)
@@ -108,15 +111,14 @@ def proposed(bench: Bench, added: Runs, target: str) -> Run | None:
             name: row.prior[1] for name, row in item.candidates[0].data.rows.items() if row.role == "own" and row.prior
         }
         loads[source.id] = run[1]
-        found = []
-        for speed in (item.cycles.mean_speed, *(MIDDLE * share * RPM for share in SPEED_FACTORS)):
-            chain = chain_of(rig_of(item), speed, curve, source.structure)
-            basis = item.candidates[0].data.lift_basis
-            found.append(operating_point(known, chain, source, source.id, Measuring(scatter, own), basis))
-        fitted.append(Offer(found[0], DURATION, False))
-        points += found[1:]
-    gradient = np.eye(len(known.names))[known.names.index(target)]
-    steps = plan(known, TargetQuantity(gradient), 0.0, points, (DURATION,), (False,), fitted)
+        basis, measuring = item.candidates[0].data.lift_basis, Measuring(scatter, own)
+        made, *chains = (
+            chain_of(rig_of(item), speed, curve, source.structure)
+            for speed in (item.cycles.mean_speed, *(MIDDLE * share * RPM for share in SPEED_FACTORS))
+        )
+        fitted.append(Offer(operating_point(known, made, source, source.id, measuring, basis), DURATION, False))
+        points += [operating_point(known, at, source, source.id, measuring, basis, drawn) for at in chains]
+    steps = plan(known, number, 0.0, points, (DURATION,), (False,), fitted)
     if not steps:
         return None
     offer = steps[0].offer

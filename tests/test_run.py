@@ -15,7 +15,7 @@ from camtorque.campaign.find import search
 from camtorque.fit.planning import Measuring
 from camtorque.fit.residual import metrics
 from camtorque.laws import ROWS
-from camtorque.plan import measuring_of
+from camtorque.plan import usual_spreads
 from camtorque.records import Refusal
 from camtorque.rehearsal import rigid_torque
 from camtorque.report.write import FIGURES
@@ -103,7 +103,7 @@ def test_recordings_are_found_at_and_below_a_folder(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_another_run_has_a_zero_as_unsure_as_the_transducers(report: Path) -> None:
     """The literature's ±0.1 N m had promised twice what a run brings where standstill tells the zero to 1 N m."""
-    measuring = measuring_of(report)
+    measuring = Measuring(0.1, usual_spreads([report]))
     _, std = document(report)["parameters"]["torque_zero"]["prior"]
     assert measuring.spread("torque_zero") == pytest.approx(std)
     assert measuring.spread("torque_zero") > ROWS["torque_zero"].prior[1]

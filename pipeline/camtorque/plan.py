@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +12,11 @@ import h5py
 import numpy as np
 
 from camtorque.finished_fit import CYCLES, Rig, chain_of, curve_of, read_fit, rig_of
-from camtorque.fit.known_fit import FittedAt, KnownFit
+from camtorque.fit.known_fit import FittedAt, KnownFit, drawn_about
 from camtorque.fit.planning import (
     AS_GOOD,
     SETUP_MINUTES,
+    STATED_OF_ALL,
     TOOTH_MINUTES,
     Measuring,
     Offer,
@@ -32,7 +33,7 @@ from camtorque.hashes import input_file
 from camtorque.jsonable import now as created
 from camtorque.laws import ROWS
 from camtorque.process.threads import on_one_thread
-from camtorque.records import Refusal
+from camtorque.records import Array, Refusal
 from camtorque.report.files import inputs_document
 from camtorque.report.fit_file import NAME as FIT_NAME
 from camtorque.results import CAMPAIGN, NAME, read_campaign, read_result
@@ -111,16 +112,22 @@ def plan_runs(fit: Path | str, target: str, tooth: bool = True, speeds_rpm: Sequ
     middle = float(np.exp(np.mean([np.log(item.speed) for item in known.recordings])))
     speeds = [speed * RPM for speed in speeds_rpm] or [middle * factor for factor in SPEED_FACTORS]
     points, fitted, rigs = [], [], {item.id: rig_of(reports[item.id]) for item in loads}
+    drawn = tuple(drawn_about(known, goal.number.deviation(known.matrix)))
+    usual = usual_spreads(list(reports.values()))
     for item in loads:
-        own, *others = points_of(known, item, rigs[item.id], reports[item.id], [item.speed, *speeds])
-        fitted.append(Offer(own, recorded_seconds(reports[item.id]), False))
-        points += others
+        report, rig = reports[item.id], rigs[item.id]
+        scatter, own = scatter_of(report), own_spreads(report)
+        [made] = points_of(known, item, rig, report, Measuring(scatter, own), [item.speed])
+        fitted.append(Offer(made, recorded_seconds(report), False))
+        points += points_of(known, item, rig, report, Measuring(scatter, usual), speeds, drawn)
     teeth = (False, True) if tooth and not any(rig.has_teeth for rig in rigs.values()) else (False,)
     steps = plan(known, goal.number, goal.wanted, points, DURATIONS, teeth, fitted)
     offers = [Offer(point, DURATIONS[0], tooth) for tooth in teeth for point in points]
     alone = weighed(known, goal.number, offers, (), fitted)
     names = [row["id"] for row in found.rows]
-    return {**_document(known, goal, steps, alone), "recordings": names, "inputs": inputs}
+    zero = Measuring(0.0, usual).spread("torque_zero")
+    document = _document(known, goal, steps, alone)
+    return {**document, "zero_stderr_nm": zero, "recordings": names, "inputs": inputs}
 
 
 def _fastest(known: KnownFit) -> FittedAt:
@@ -133,12 +140,15 @@ def _loads(known: KnownFit) -> list[FittedAt]:
     return [ordered[k] for k in places]
 
 
-def points_of(known: KnownFit, item: FittedAt, rig: Rig, report: Path, speeds: Sequence[float]) -> list[OperatingPoint]:
-    """Return the load of a fitted recording at some speeds [rad/s]."""
-    curve, measuring = curve_of(report, item.speed), measuring_of(report)
+def points_of(
+    known: KnownFit, item: FittedAt, rig: Rig, report: Path, measuring: Measuring, speeds: Sequence[float],
+    drawn: Sequence[Array] = (),
+) -> list[OperatingPoint]:  # fmt: skip
+    """Return the load of a fitted recording at some speeds [rad/s]; ``drawn`` as `operating_point` takes it."""
+    curve = curve_of(report, item.speed)
     chains = [chain_of(rig, speed, curve, item.structure) for speed in speeds]
     basis = lift_basis(rig.table, chains[0].law, chains[0].theta)
-    return [operating_point(known, chain, item, item.id, measuring, basis) for chain in chains]
+    return [operating_point(known, chain, item, item.id, measuring, basis, drawn) for chain in chains]
 
 
 def recorded_seconds(report: Path) -> float:
@@ -147,13 +157,29 @@ def recorded_seconds(report: Path) -> float:
         return float(np.sum(2.0 * np.pi / np.asarray(file["cycles/speed"])))
 
 
-def measuring_of(report: Path) -> Measuring:
-    """Return what the report of one recording says of how well its bench measures."""
+def scatter_of(report: Path) -> float:
+    """Return the standard deviation of one cycle's torque [N m] that a report states."""
     with h5py.File(report / CYCLES) as file:
-        scatter = float(np.sqrt(np.mean(np.asarray(file["mean/torque_std"]) ** 2)))
+        return float(np.sqrt(np.mean(np.asarray(file["mean/torque_std"]) ** 2)))
+
+
+def own_spreads(report: Path) -> dict[str, float]:
+    """Return how well a recording's own parameters, such as its zero, were known beforehand [SI]."""
     rows = read_result(report / NAME)["parameters"].items()
     own = {name: row["prior"][1] for name, row in rows if row["role"] == "own" and row["prior"]}
-    return Measuring(scatter, {name: std * ROWS[name].per_unit for name, std in own.items()})
+    return {name: std * ROWS[name].per_unit for name, std in own.items()}
+
+
+def usual_spreads(reports: Sequence[Path]) -> dict[str, float]:
+    """Return how well own parameters of a run are known beforehand on a bench [SI]: as in the middle one of its runs.
+
+    How a zero was read is no property of a load: half of the recordings have one that was known as well or better.
+    """
+    every: dict[str, list[float]] = {}
+    for report in reports:
+        for name, std in own_spreads(report).items():
+            every.setdefault(name, []).append(std)
+    return {name: sorted(stds)[(len(stds) - 1) // 2] for name, stds in every.items()}
 
 
 def _target(known: KnownFit, folder: Path, reports: Mapping[str, Path], wanted: tuple[str, float, bool]) -> Target:
@@ -174,23 +200,36 @@ def _target(known: KnownFit, folder: Path, reports: Mapping[str, Path], wanted: 
         gradient = np.eye(len(known.names))[known.names.index(name)]
         of = ""
         value = float(known.values[known.names.index(name)])
-    fitted = float(np.sqrt(gradient @ known.matrix @ gradient))
-    number = TargetQuantity(gradient, rest_of(folder, reports[item.id], name, per, fitted))
+    number = told_beside(TargetQuantity(gradient), known, folder, reports[item.id], name)
     if relative:
         need_size(name, value / per, number.std(known.matrix) / per, unit)
     std = size / 100.0 * abs(value) if relative else size * per
     return Target(name, of, unit, value, per, std, number)
 
 
-def rest_of(folder: Path, report: Path, name: str, per: float, fitted: float) -> float:
-    """Return what a report states beyond the covariance of its fit [SI]; that of a joint fit states no chamber peak."""
+def told_beside(number: TargetQuantity, known: KnownFit, folder: Path, report: Path, name: str) -> TargetQuantity:
+    """Return a number with what its report states beside the covariance of the fit.
+
+    The covariance of a joint fit knows of no bounds, its statement does; it states no chamber peak. A report of one
+    recording does not say of which spreads that of its chamber peak is.
+    """
+    per = shown_in(name)[1]
     if (folder / CAMPAIGN).is_file():
+        number = replace(number, within=known.within)
         row = read_campaign(folder / CAMPAIGN)["shared_parameters"].get(name)
-    else:
-        document = read_result(report / NAME)
-        row = (document["chamber"] or {}).get("peak_bar") if name == CHAMBER_PEAK else document["parameters"].get(name)
+        if not row or not row["stderr_statistical"]:
+            return number
+        own = row["stderr_statistical"] * per
+        lasting = np.sqrt(max((row["stderr"] * per) ** 2 - own**2, 0.0))
+        return replace(number, lasting=float(lasting), scale=own / number.std(known.matrix))
+    document = read_result(report / NAME)
+    row = (document["chamber"] or {}).get("peak_bar") if name == CHAMBER_PEAK else document["parameters"].get(name)
     stated = ((row or {}).get("stderr") or 0.0) * per
-    return float(np.sqrt(max(stated**2 - fitted**2, 0.0)))
+    beside = max(stated**2 - number.std(known.matrix) ** 2, 0.0)
+    budget = document["uncertainty"]["budget"].get(name, {})
+    kept = beside if name == CHAMBER_PEAK else sum((budget.get(one, 0.0) * per) ** 2 for one in STATED_OF_ALL)
+    lasting = min(kept, beside)
+    return replace(number, lasting=float(np.sqrt(lasting)), passing=float(np.sqrt(beside - lasting)))
 
 
 def need_size(name: str, value: float, std: float, unit: str) -> None:
@@ -209,6 +248,7 @@ def _document(known: KnownFit, goal: Target, steps: Sequence[Step], alone: Seque
         "schema": "camtorque.plan/1", "version": __version__, "created": created(), "target": goal.name,
         "of": goal.of, "unit": goal.unit, "value": goal.value / goal.per_unit,
         "stderr_now": now / goal.per_unit, "stderr_wanted": goal.wanted / goal.per_unit,
+        "stderr_between_fits": goal.number.passing / goal.per_unit,
         "reached": last <= AS_GOOD * goal.wanted, "runs": [_row(step, goal) for step in steps],
         "minutes": sum(step.minutes for step in steps), "on_offer": [_row(step, goal) for step in alone],
         "setup_minutes": SETUP_MINUTES, "tooth_minutes": TOOTH_MINUTES, "durations_s": DURATIONS,

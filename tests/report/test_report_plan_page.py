@@ -23,6 +23,7 @@ def plan_document(**changed: Any) -> dict[str, Any]:
         "schema": "camtorque.plan/1", "target": "leakage", "of": "", "unit": "mm^3/s/bar", "value": 0.8132,
         "stderr_now": 0.1, "stderr_wanted": 0.05, "reached": True, "minutes": 65.7, "on_offer": offers,
         "setup_minutes": 10.0, "tooth_minutes": 45.0, "durations_s": [20.0, 60.0], "fitted_speeds_rpm": [600.0, 1100.0],
+        "zero_stderr_nm": 0.1337, "stderr_between_fits": 0.0,
         "runs": [run(490.0, 0.0611), run(1015.0, 0.0442, second_tooth=True, minutes=55.3)], **changed,
     }  # fmt: skip
 
@@ -52,6 +53,17 @@ def test_speeds_beyond_the_fitted_ones_stand_in_a_row() -> None:
     found = plan_document()
     found["on_offer"] = [{**found["on_offer"][0], "speed_rpm": speed} for speed in (300.0, 2000.0, 400.0, 2500.0)]
     assert "300, 400, 2000 and 2500 rpm lie beyond the fitted speeds: " in plan_page(found, "next")
+
+
+def test_what_is_expected_is_said() -> None:
+    page = plan_page(plan_document(), "next").replace("\u00a0", " ")
+    assert "is read as well as in the middle one of the recordings, ± 0.13 N m" in page
+    assert "other structures and laws" not in page
+    alone = plan_page(plan_document(stderr_between_fits=0.0712), "next").replace("\u00a0", " ")
+    assert (
+        "± 0.071 mm³/s/bar of what one recording leaves open is how far other structures and laws move the number"
+        in alone
+    )
 
 
 def test_what_is_gained_is_drawn_with_quantity_and_unit() -> None:

@@ -284,7 +284,7 @@ def test_the_lift_correction_moves_the_torque_by_slope_times_contact_force(monke
         "pressure": np.full(400, 20.0), "lift_table": output.load * slope}, np.zeros(400)))  # fmt: skip
     monkeypatch.setattr(forecast_module, "measured_torques", lambda chain, values, cam, zero: {
         **cam, "torque_zero": np.zeros(400)})  # fmt: skip
-    monkeypatch.setattr(forecast_module, "contact_load", lambda chain, values, output, force: output.load)
+    monkeypatch.setattr(forecast_module, "contact_load", lambda chain, values, output, force: (output.load,) * 2)
     monkeypatch.setattr(forecast_module, "stroke_volume", lambda *values: 0.0)
     chain = SimpleNamespace(speed=50.0, theta=theta, swing=None)
 

@@ -14,6 +14,7 @@ import numpy as np
 from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.problem import SEPARATOR
 from camtorque.fit.shared_lift import SharedLift
+from camtorque.fit.truncated import Gaussian
 from camtorque.laws import ROWS
 from camtorque.records import Array, Estimate, ReadOnly
 
@@ -26,6 +27,8 @@ FLOOR = 0.15
 FRACTIONS = (0.2, 1.0)
 """Draws are such shares of the covariance's standard deviations away; their scatter is scaled up again, and the smaller
 one counts: small draws make too much of a step of the model, large ones of the bounds."""
+SPREAD_DRAWS = 8
+"""Draws that tell whether a slope at the best values is one for all that a fit leaves open."""
 STEP_RATIO, RARE_RATIO = 2.5, 0.7
 """Scatter of small draws, scaled up, over that of whole ones: 0.1 to 1.4 in 33 left-out runs, 4 to 5 where steps are
 all; less is enough where the best values lie on the rare side of a step."""
@@ -77,6 +80,14 @@ class KnownFit(ReadOnly):
     def matrix(self) -> Array:
         """The whole covariance, (k, k)."""
         return self.covariance.among(range(len(self.names)))
+
+    @property
+    def within(self) -> Gaussian:
+        """The fit as a Gaussian within the bounds of the rows; a value that was fitted beyond one has none there."""
+        rows = [ROWS[name.split(SEPARATOR)[0]] for name in self.names]
+        lower, upper = (np.array([getattr(row, end) for row in rows]) for end in ("lower", "upper"))
+        low = np.where(self.values >= lower, lower, -np.inf)
+        return Gaussian(self.values, self.matrix, low, np.where(self.values <= upper, upper, np.inf))
 
     def nearest(self, speed: float, structure: str = "") -> FittedAt:
         """Return the recording nearest in speed, of those of a structure where there are any."""
@@ -177,9 +188,7 @@ def draws(
     index = sorted({place for part in parts for place in part})
     mixing = np.array([[part.get(place, 0.0) for place in index] for part in parts])
     block = mixing @ known.predictive.among(index) @ mixing.T
-    scale = np.sqrt(np.maximum(np.diag(block), 1e-300))
-    values, vectors = np.linalg.eigh(block / np.outer(scale, scale))
-    root = (vectors * np.sqrt(np.maximum(values, 0.0))) * scale[:, None]
+    root = root_of(block)
     every = np.random.default_rng(0).standard_normal((count, len(parts) + len(load.ends)))
     normal, found = np.split(every, [len(parts)], axis=1)
     result = []
@@ -192,6 +201,20 @@ def draws(
             item[name] = item.get(name, mean[name]) + float(error + pull * away.get(other, 0.0))
         result.append({name: float(np.clip(v, *_room(name, mean[name]))) for name, v in item.items()})
     return result
+
+
+def drawn_about(known: KnownFit, deviation: Array) -> Array:
+    """Return values drawn about those of a fit by a covariance (k, k), within bounds, (`SPREAD_DRAWS`, k) [SI]."""
+    normal = np.random.default_rng(0).standard_normal((SPREAD_DRAWS, len(known.names)))
+    rooms = [_room(name.split(SEPARATOR)[0], value) for name, value in zip(known.names, known.values, strict=True)]
+    return np.clip(known.values + normal @ root_of(deviation).T, *np.transpose(rooms))
+
+
+def root_of(covariance: Array) -> Array:
+    """Return a matrix whose product with its transpose is a covariance, (k, k)."""
+    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))) * scale[:, None])
 
 
 def _room(name: str, value: float) -> tuple[float, float]:

@@ -1,89 +1,52 @@
-"""What to record next: what a second tooth or another speed would narrow, and the cheapest runs to one wanted number.
+"""The cheapest runs to one wanted number: what each tells, what it costs, when to stop.
 
-A run's expected information is J' W J at the values of the fit, its own zeros and end of delivery and the error of the
-lift table integrated out, with the weights that it would have: scatter of as many cycles as it lasts, and the error of
-the laws. That and the table's are the same in all runs and therefore count as often as there are runs: the fitted ones
-tell less beside another one. Runs are chosen one by one, the most gain per minute first.
+A run's expected information is J' W J, its own zeros and end of delivery and the error of the lift table integrated
+out, with the weights that it would have: scatter of as many cycles as it lasts, and the error of the laws. That and the
+table's are the same in all runs and therefore count as often as there are runs: the fitted ones tell less beside
+another one. J is that at the values of the fit and at some drawn from what the fit leaves open: a resonance that is
+hardly known would tell much just where the best values put it. Of a run counts what it brings at the best values or
+in the middle of the draws, whichever is less: only the best values are those at which the fit's own covariance holds.
+Runs are chosen one by one, the most gain per minute first.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from camtorque.fit.forecast import settled, values_of
-from camtorque.fit.joint_input import common_error
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.prepare import bin_weights
 from camtorque.fit.problem import SEPARATOR
-from camtorque.fit.single import Fit
-from camtorque.fit.solver import lift_columns, lift_modes, normal_equations
+from camtorque.fit.single import PIN, SOFTER, SWITCHING
+from camtorque.fit.solver import lift_columns
 from camtorque.fit.teeth import PLACE_STD
-from camtorque.fit.uncertainty import inverse
+from camtorque.fit.truncated import Gaussian
+from camtorque.fit.uncertainty import deviation_within, inverse
 from camtorque.fit.valleys import TRIGGER_ANGLE
 from camtorque.laws import ROWS
 from camtorque.laws.chain import BINS, SHIFT_NAMES, ChainInput, ChainOutput, coefficients_of, derivative_by, evaluate
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.lift import LiftCorrection
-from camtorque.records import Array, ReadOnly
+from camtorque.records import Array, ReadOnly, Refusal
+from camtorque.units import RPM
 
 TOOTH_ANGLE = np.radians(60.0)
 TOOTH = "a second tooth 60 degrees after the first (pulses_per_rev = 6, missing_teeth = 4)"
 """The tooth with the keys that describe two teeth in place of one."""
-SPEED_FACTORS = (0.6, 1.6)
-WORTH = 0.85
-"""A proposal is told when it brings a standard uncertainty below this share of today's."""
-OUTCOMES = ("trigger_offset", "dead_volume", "leakage", "bearing_arm", "shaft_compliance", "shaft_viscous")
 SETUP_MINUTES, TOOTH_MINUTES = 10.0, 45.0
 """What it costs to set a point and to fit a second tooth."""
-ROUNDING = 1.0e-6
-"""Share by which the information of a sum may fall short of its part."""
+STATED_OF_ALL = (SWITCHING, PIN, SOFTER)
+"""Spreads between fits that a joint fit states, too; other laws and structures it does not."""
+ANOTHER_SPEED = 0.1
+"""Difference in ln speed from a recording beyond which a run tells structures apart."""
 MOST_RUNS = 6
 AS_GOOD = 1.01
 """An uncertainty of so many times what is wanted is as good: it is printed with two digits."""
 LEAST_GAIN = 0.02
 """A run that narrows the number by less than this share for what one setting of the bench costs is not worth making."""
-
-
-def next_measurement(fit: Fit, has_teeth: bool = False) -> tuple[str, ...]:
-    """Return proposals for the next recording, each with what it is expected to bring.
-
-    ``has_teeth``: more than one pulse tells a turn of the cam already, or its angle was recorded.
-    """
-    names = fit.problem.names
-    watched = [name for name in OUTCOMES if name in names]
-    today = fit.std
-    # other laws and structures, the trigger's switching: no run narrows these
-    rest = fit.unbounded_std**2 - fit.covariance.std**2
-    texts = []
-    for title, matrix in proposals(fit):
-        if title == TOOTH and has_teeth:
-            continue
-        after = np.sqrt(np.maximum(np.diag(matrix), 0.0) + rest)
-        gains = sorted((float(after[names.index(n)] / today[names.index(n)]), n) for n in watched)
-        told = [f"{name.replace('_', ' ')} to {100.0 * share:.0f} %" for share, name in gains if share < WORTH]
-        if told:
-            texts.append(f"{title} would reduce the uncertainty of {', '.join(told[:3])} of the present one")
-    return tuple(texts)
-
-
-def proposals(fit: Fit) -> list[tuple[str, Array]]:
-    """Return what could be recorded next and the covariance expected after it."""
-    information = inverse(fit.covariance.matrix)
-    turned = tooth_shifts(fit.problem.data[0].chain, fit.solution.output)
-    row = np.array([turned.get(parameter.row.name, 0.0) for parameter in fit.problem.parameters])
-    result = [(TOOTH, inverse(information + np.outer(row, row) / PLACE_STD**2))]
-    alone = _one_of_two(fit, 1.0) + np.diag(1.0 / fit.covariance.prior_std**2)
-    for factor in SPEED_FACTORS:
-        rpm = fit.problem.data[0].chain.speed * factor * 30.0 / np.pi
-        total = _joined(fit, alone, factor)
-        # a run takes no knowledge away: where it does, a tangent ran away there and the sums are rounding
-        if np.all(np.diag(total) > (1.0 - ROUNDING) * np.diag(alone)):
-            result.append((f"the same load at {rpm:.0f} rpm, fitted jointly,", inverse(total)))
-    return result
 
 
 def tooth_shifts(chain: ChainInput, output: ChainOutput) -> dict[str, float]:
@@ -96,36 +59,12 @@ def tooth_shifts(chain: ChainInput, output: ChainOutput) -> dict[str, float]:
     }
 
 
-def _joined(fit: Fit, alone: Array, factor: float) -> Array:
-    """Return the information after a further recording at another speed, its own parameters apart.
-
-    Both are weighed as one of two: the error of laws and lift table is the same in them. ``alone``: before it.
-    """
-    before, added = fit.covariance.prior_std, _one_of_two(fit, factor)
-    own = np.array([parameter.row.role == "own" for parameter in fit.problem.parameters])
-    block = added[np.ix_(own, own)] + np.diag(1.0 / before[own] ** 2)
-    shared = np.ix_(~own, ~own)
-    cross = added[np.ix_(~own, own)]
-    total = alone.copy()
-    total[shared] += added[shared] - cross @ np.linalg.solve(block, cross.T)
-    return total
-
-
-def _one_of_two(fit: Fit, factor: float) -> Array:
-    """Return what the recording would tell at so many times its speed as one of two that are fitted together."""
-    item = common_error(fit.problem.data[0], 2)
-    moved = replace(item, chain=replace(item.chain, speed=item.chain.speed * factor))
-    problem = replace(fit.problem, data=(moved,))
-    values, _ = problem.values(fit.solution.z, 0)
-    lift = lift_modes(moved, fit.solution.output, values, math.sqrt(2.0))
-    scaled, _, _ = normal_equations(problem, fit.solution.z, fit.solution.residual, lift)
-    # a joint fit does not count a residual for less than its weights
-    return scaled / np.outer(problem.steps, problem.steps) / max(fit.covariance.inflation, 1.0)
-
-
 @dataclass(frozen=True)
 class OperatingPoint(ReadOnly):
-    """One speed and load: columns by shared parameters, by prior deviations of own ones and lift, twist at a tooth."""
+    """One speed and load: columns by shared parameters, by prior deviations of own ones and lift, twist at a tooth.
+
+    Of the values of a fit and of drawn ones each array but ``scatter`` has a first axis more.
+    """
 
     speed: float
     load: str
@@ -148,17 +87,40 @@ class Offer:
 
 @dataclass(frozen=True)
 class TargetQuantity(ReadOnly):
-    """A number of a fit: gradient by its parameters (k,), and the part of its uncertainty that no run narrows [SI].
+    """A number of a fit: gradient by its parameters (k,), and what is stated beside the covariance of the fit [SI].
 
-    That part is what the report states beside the covariance of the fit: other structures and laws, the sensor's gain.
+    lasting : what no run narrows, such as the switching of the trigger
+    passing : what a joint fit with a run at another speed does not state any more: other structures and laws
+    within : values and bounds, where covariances are those without bounds and the deviation within them is stated
+    scale : what is stated of that deviation as a share of it
     """
 
     gradient: Array
-    rest: float = 0.0
+    lasting: float = 0.0
+    passing: float = 0.0
+    within: Gaussian | None = None
+    scale: float = 1.0
 
-    def std(self, covariance: Array) -> float:
-        """Return its standard uncertainty with a covariance of the parameters, (k, k)."""
-        return float(np.sqrt(self.gradient @ covariance @ self.gradient + self.rest**2))
+    def deviation(self, covariance: Array) -> Array:
+        """Return how far the parameters lie from their values with a covariance of them, (k, k)."""
+        if self.within is None:
+            return covariance
+        return deviation_within(replace(self.within, matrix=covariance), self.within.mean)
+
+    def std(self, covariance: Array, apart: bool = False) -> float:
+        """Return its standard uncertainty with a covariance of the parameters (k, k); ``apart``: see `expected`."""
+        known = self.scale**2 * self.gradient @ self.deviation(covariance) @ self.gradient
+        return float(np.sqrt(known + self.lasting**2 + (0.0 if apart else self.passing**2)))
+
+    def expected(self, covariances: Array, apart: bool) -> float:
+        """Return that with the covariance expected at the fit's values, (k, k), or there and at drawn ones, (d, k, k).
+
+        ``apart``: there is a run at another speed.
+        """
+        each = np.reshape(covariances, (-1, *covariances.shape[-2:]))
+        variances = np.einsum("i,dij,j->d", self.gradient, each, self.gradient)
+        middle = int(np.argsort(variances)[variances.size // 2])
+        return self.std(each[middle if variances[middle] > variances[0] else 0], apart)
 
 
 @dataclass(frozen=True)
@@ -190,8 +152,9 @@ class Measuring:
 
 
 def operating_point(
-    known: KnownFit, chain: ChainInput, source: FittedAt, load: str, measuring: Measuring, basis: LiftCorrection
-) -> OperatingPoint:
+    known: KnownFit, chain: ChainInput, source: FittedAt, load: str, measuring: Measuring, basis: LiftCorrection,
+    drawn: Sequence[Array] = (),
+) -> OperatingPoint:  # fmt: skip
     """Return one speed and load.
 
     Parameters
@@ -199,7 +162,25 @@ def operating_point(
     chain : pump, cam, speed, line pressure
     source : recording whose own parameters stand in; at another speed it has its own start of delivery where each has
     basis : of the correction of the lift table
+    drawn : further values (k,) [SI] at which it is looked at; one whose torque runs away is left out
     """
+    columns = [_columns(known, chain, source, measuring, basis)]
+    for values in drawn:
+        try:
+            columns.append(_columns(replace(known, values=values), chain, source, measuring, basis))
+        except Refusal:
+            columns.append(columns[0])
+    if not drawn:
+        torque, shared, own, tooth, lift = columns[0]
+    else:
+        torque, shared, own, tooth, lift = (np.array(part) for part in zip(*columns, strict=True))
+    return OperatingPoint(chain.speed, load, torque, shared, own, tooth, measuring.scatter, lift)
+
+
+def _columns(
+    known: KnownFit, chain: ChainInput, source: FittedAt, measuring: Measuring, basis: LiftCorrection
+) -> tuple[Array, ...]:
+    """Return the arrays of an `OperatingPoint`."""
     places, chain, output, values = evaluated(known, chain, source)
     by = derivative_by(output, list(places))
     shared = np.zeros((BINS, len(known.names)))
@@ -214,7 +195,13 @@ def operating_point(
         tooth[k] = turned.get(name, 0.0)
     torque = output.torque + output.linear @ coefficients_of(values)
     lift = lift_columns(chain, basis, output, values) * basis.prior_std
-    return OperatingPoint(chain.speed, load, torque, shared, np.column_stack(own), tooth, measuring.scatter, lift)
+    found = (torque, shared, np.column_stack(own), tooth, lift)
+    if not all(np.all(np.isfinite(part)) for part in found):
+        raise Refusal(
+            f"plan: the model has no finite slope at {chain.speed / RPM:.0f} rpm, expected a speed near the fitted "
+            "ones; ask for other speeds"
+        )
+    return found
 
 
 def evaluated(
@@ -228,20 +215,25 @@ def evaluated(
 
 
 def information(offer: Offer, runs: int) -> Array:
-    """Return what a run tells of the fit's parameters, (k, k) [1/SI^2], when it is one of so many."""
+    """Return what a run tells of the fit's parameters, (..., k, k) [1/SI^2], when it is one of so many."""
     point = offer.point
     cycles = max(0.5 * offer.duration * point.speed / (2.0 * np.pi), 4.0)  # the other half is held out
-    weight = bin_weights(point.torque, point.scatter / np.sqrt(cycles), runs)
-    shared = point.shared * weight[:, None]
-    own = np.column_stack([point.own, np.sqrt(runs) * point.lift]) * weight[:, None]
-    cross = shared.T @ own
-    block = own.T @ own + np.eye(own.shape[1])
-    found = shared.T @ shared - cross @ np.linalg.solve(block, cross.T)
-    return np.asarray(found + (np.outer(point.tooth, point.tooth) / PLACE_STD**2 if offer.tooth else 0.0))
+    weight = bin_weights(point.torque, point.scatter / np.sqrt(cycles), runs)[..., None]
+    shared = point.shared * weight
+    own = np.concatenate([point.own, np.sqrt(runs) * point.lift], axis=-1) * weight
+    taken = inverse(own.mT @ own + np.eye(own.shape[-1])) @ (own.mT @ shared)
+    left = shared - own @ taken  # a sum of squares, in which no rounding makes a run take knowledge away
+    return np.asarray(left.mT @ left + taken.mT @ taken + told_by_tooth(offer))
+
+
+def told_by_tooth(offer: Offer) -> Array:
+    """Return what the second tooth of a run tells of the fit's parameters, (..., k, k) [1/SI^2], nothing without."""
+    twist = offer.point.tooth / PLACE_STD * offer.tooth
+    return np.asarray(twist[..., :, None] * twist[..., None, :])
 
 
 def known_beside(known: KnownFit, fitted: Sequence[Offer], made: Sequence[Step], runs: int) -> Array:
-    """Return the information after the runs made, (k, k) [1/SI^2], when there are so many runs with all others.
+    """Return the information after the runs made, (..., k, k) [1/SI^2], when there are so many runs with all others.
 
     Parameters
     ----------
@@ -309,13 +301,22 @@ def weighed(
     runs = len(known.recordings) + len(made) + 1
     before = known_beside(known, fitted, made, runs)
     has_tooth = any(row.offer.tooth for row in made)
-    found = []
+    found, by_torque = [], dict[tuple[int, float], Array]()  # the same with a second tooth and without
     for offer in offers:
-        after = inverse(before + information(offer, runs))
+        place = (id(offer.point), offer.duration)
+        if place not in by_torque:
+            by_torque[place] = information(replace(offer, tooth=False), runs)
+        told = by_torque[place] + told_by_tooth(offer)
+        apart = any(at_another_speed(known, one) for one in (*(row.offer for row in made), offer)) and bool(told.any())
         tooth = TOOTH_MINUTES if offer.tooth and not has_tooth else 0.0
         minutes = SETUP_MINUTES + offer.duration / 60.0 + tooth
-        found.append(Step(offer, minutes, target.std(after)))
+        found.append(Step(offer, minutes, target.expected(inverse(before + told), apart)))
     return found
+
+
+def at_another_speed(known: KnownFit, offer: Offer) -> bool:
+    """Return whether a run lies at another speed than all fitted recordings."""
+    return all(abs(np.log(offer.point.speed / one.speed)) > ANOTHER_SPEED for one in known.recordings)
 
 
 def needed(

@@ -96,8 +96,9 @@ def mean_cycles(cycles: CamCycles) -> MeanCycles:
 
 
 def law_variance(torque: Array) -> Array:
-    """Return the variance of what the laws leave in each bin of a mean torque (BINS,) [(N m)^2]."""
-    return (SMALLEST_SHARE * np.max(np.abs(torque))) ** 2 + (DISCREPANCY * np.abs(torque)) ** 2
+    """Return the variance of what the laws leave in each bin of mean torques (..., BINS) [(N m)^2]."""
+    size = np.abs(torque)
+    return np.asarray((SMALLEST_SHARE * np.max(size, axis=-1, keepdims=True)) ** 2 + (DISCREPANCY * size) ** 2)
 
 
 def bin_weights(torque: Array, scatter: float, count: int = 1) -> Array:
@@ -105,7 +106,7 @@ def bin_weights(torque: Array, scatter: float, count: int = 1) -> Array:
 
     Parameters
     ----------
-    torque : (BINS,) mean measured torque [N m]
+    torque : (..., BINS) mean measured torque [N m]
     scatter : standard error of the mean of one bin [N m]
     count : recordings that are fitted together: the error of the laws is the same in all of them
     """

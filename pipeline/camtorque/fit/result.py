@@ -25,9 +25,10 @@ from camtorque.fit.findings import (
     prior_findings,
     table_findings,
 )
-from camtorque.fit.planning import next_measurement
+from camtorque.fit.planning import Measuring
 from camtorque.fit.prepare import MeanCycles, at_cam_angles
 from camtorque.fit.problem import SEPARATOR, STRUCTURES
+from camtorque.fit.proposals import next_measurement
 from camtorque.fit.residual import (
     STROKE,
     block_cross_validation,
@@ -119,7 +120,7 @@ def fitted_torque(
         trigger_angle=trigger,
         torque_delay=_moved(cycles.torque_delay.value, known["delay_error"], 1e-6),
         angle_errors_after=_angle_budget(known, fitted, cycles, trigger), odd_even_rms=means.odd_even,
-        next_measurement=next_measurement(fit, config.has_teeth),
+        next_measurement=proposed(fit, cycles, config.has_teeth),
         findings=(
             *prior_findings(parameters), *mounting_findings(parameters), *implausible_findings(parameters, explained),
             *light_cam_findings(parameters, config.pump.cam_inertia), *frictionless_findings(parameters),
@@ -130,6 +131,14 @@ def fitted_torque(
         alternatives=alternatives(fit, config.trigger.nominal_angle),
         bumps=residual_bumps(residual, means.torque - means.held_torque, fitted), explained=explained,
     )  # fmt: skip
+
+
+def proposed(fit: Fit, cycles: CamCycles, has_teeth: bool) -> tuple[str, ...]:
+    """Return `next_measurement` for the bench of a recording."""
+    rows = [parameter.row for parameter in fit.problem.parameters]
+    own = {row.name: row.prior[1] for row in rows if row.role == "own" and row.prior}
+    measuring = Measuring(float(np.sqrt(np.mean(cycles.torque_std**2))), own)
+    return next_measurement(fit, measuring, float(np.sum(2.0 * np.pi / cycles.speed)), has_teeth)
 
 
 def parameter_estimates(fit: FittedParameters) -> tuple[ParameterEstimate, ...]:

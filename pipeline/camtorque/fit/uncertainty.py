@@ -66,10 +66,10 @@ def prior_std(problem: Problem) -> Array:
 
 
 def inverse(matrix: Array) -> Array:
-    """Return the inverse of a symmetric positive definite matrix of badly mixed units."""
-    scale = 1.0 / np.sqrt(np.diag(matrix))
-    scaled = matrix * np.outer(scale, scale)
-    return np.linalg.inv(scaled + 1e-12 * np.eye(scale.size)) * np.outer(scale, scale)
+    """Return the inverse of symmetric positive definite matrices (..., k, k) of badly mixed units."""
+    scale = 1.0 / np.sqrt(np.diagonal(matrix, axis1=-2, axis2=-1))
+    units = scale[..., :, None] * scale[..., None, :]
+    return np.asarray(np.linalg.inv(matrix * units + 1e-12 * np.eye(scale.shape[-1])) * units)
 
 
 def covariance(problem: Problem, solution: Solution) -> Covariance:
@@ -233,6 +233,7 @@ def uncertainty_budget(
             found[source] = float(spread[k] ** 2)
         total = float(np.sqrt(sum(found.values())))
         kept = dict(sorted(found.items(), key=lambda pair: -pair[1])[:6])
+        kept |= {source: found[source] for source in spreads if found[source] > 0.0}  # a plan asks which of them last
         kept["others"] = max(sum(found.values()) - sum(kept.values()), 0.0)
         rows.append(BudgetRow(parameter.name, total, {name: float(np.sqrt(value)) for name, value in kept.items()}))
     return tuple(rows)

@@ -92,9 +92,18 @@ def assumptions(document: Mapping[str, Any]) -> tuple[str, ...]:
         f"(their line pressure over cam angle), {durations} s. Other speeds: --speed.",
         f"Cost: {document['setup_minutes']:.0f} minutes for each setting of the bench, "
         f"{document['tooth_minutes']:.0f} for fitting a second tooth once.",
-        "Expected: the present values are taken as right. The error of the model is the same in all runs, so more "
-        "cycles at one point soon bring nothing.",
+        "Expected: what a joint fit of all recordings would state, if the laws hold: at the present values, or in the "
+        "middle of others that the fit leaves open, whichever gains less. The error of the model is the same in all "
+        "runs, so more cycles at one point soon bring nothing.",
+        f"The torque zero of a run is read as well as in the middle one of the recordings, ± "
+        f"{plus_minus(document['zero_stderr_nm'])} N m.",
     ]
+    if document["stderr_between_fits"] > 0.0:
+        moved = f"± {plus_minus(document['stderr_between_fits'])} {unit_text(document['unit'])}".strip()
+        texts.append(
+            f"{moved} of what one recording leaves open is how far other structures and laws move the number: a joint "
+            "fit with a run at another speed states no such spread, as two speeds tell them apart."
+        )
     if beyond:
         speed = "these speeds" if len(beyond) > 1 else "this speed"
         texts.append(
