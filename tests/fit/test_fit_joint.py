@@ -194,7 +194,7 @@ def test_what_is_met_badly_is_searched_anew_and_taken_where_that_ends_lower(solv
     assert joint_room.with_bad_anew(*solved, in_turn) == solved  # none is met badly
     far = [replace(item, structure="open") for item in started_at(problem, solution.z)]
     there = build_problem([far[0], *started_at(problem, solution.z)[1:]])
-    wrong = solve_many(there, there.start, 3)
+    wrong = solve_many(there, there.start, 1)  # more of them wreck what all share
     assert wrong.misfits[0] > joint_room.BAD_FACTOR * np.median(wrong.misfits)
     again, mended = joint_room.with_bad_anew(there, wrong, in_turn)
     assert again.data[0].structure == problem.data[0].structure
@@ -448,7 +448,7 @@ def test_a_parameter_that_a_bound_holds_does_not_move_the_others(z, wanted):
 
 def test_few_others_are_fitted_again_where_the_linear_step_fails(joint, solved, monkeypatch):
     problem, solution = solved
-    index, found = 2, shares(problem, solution)
+    index, found = 1, shares(problem, solution)
     z, settled = fitted_without(joint, found, index)
     assert settled
     near = left_out_values(joint, found, index)

@@ -62,9 +62,10 @@ def test_what_was_explained_stays_so() -> None:
 def test_what_no_law_knows_pulls_the_values_less() -> None:
     truth, _ = with_burst(0.0)
     pulled, halves = with_burst(0.02)
-    assert covariance(pulled.problem, pulled.solution).inflation > LOCAL_FROM
+    before = covariance(pulled.problem, pulled.solution).inflation
+    assert before > 10.0 * LOCAL_FROM
     (found,) = weighed_locally([pulled], halves, 1.0)
-    assert covariance(found.problem, found.solution).inflation < LOCAL_FROM
+    assert covariance(found.problem, found.solution).inflation < 0.1 * before  # weights and residual settle together
     std = covariance(truth.problem, truth.solution).std
     off = [np.sqrt(np.mean(((item.solution.z - truth.solution.z) / std) ** 2)) for item in (pulled, found)]
     assert off[1] < 0.7 * off[0]

@@ -241,12 +241,12 @@ def test_another_speed_counts_no_spread_that_a_joint_fit_does_not_state(fit):
 
 
 def test_the_same_run_again_tells_nothing_beyond_its_noise(fit, monkeypatch):
-    """The error of laws and lift table is the same in both: half of the recording's own weight beside the other."""
+    """The error of laws and lift table is the same in both: another one of its own would leave 0.71."""
     monkeypatch.setattr(proposals, "SPEED_FACTORS", (1.0, 0.6))
     monkeypatch.setattr(proposals, "LASTS", 4.0)
     (_, again), (_, slower) = at_other_speeds(fit, replace(BENCH, scatter=1e-4), 4.0)
     shaft = fit.problem.names.index("shaft_compliance")
-    assert again[shaft] > 0.85 * np.sqrt(fit.deviation[shaft, shaft])
+    assert again[shaft] > 0.78 * np.sqrt(fit.deviation[shaft, shaft])
     assert slower[shaft] < again[shaft]
 
 
