@@ -42,8 +42,12 @@ from camtorque.records import (
 from camtorque.signal.logger_time import end_time
 from camtorque.signal.threshold import Count, Threshold
 from camtorque.stacks import mean_of
-from camtorque.units import TURN, angle_grid, zone_hint
+from camtorque.units import RPM, TURN, angle_grid, zone_hint
 
+SPEEDS, WIDER = (5.0, 20_000.0), 1.1
+"""Cam speeds that docs/formats.md promises to read [rpm], and how far beyond them nothing is refused, as a factor."""
+MOST_OFF = 300.0
+"""Factor between told and nominal speed: more than minutes for seconds (60), less than kHz for Hz."""
 LEAD_CYCLES = Count(
     64, "cycles", "convention", "Cycles, spread over the recording, whose angle between pulses says how the cam leads."
 )
@@ -85,6 +89,7 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     silent = silence_findings(base, channels.main)
     base = replace(base, findings=(*base.findings, *silent, *findings, *running, *untied))
     found = _cam_cycles(recording, table, used, cut_flow, {**aligned, **others}, base, angle, lags.wander)
+    _refuse_speed(recording, found.mean_speed / RPM)
     cut_off = flat_top_findings(found.mean_torque) if found.torque is not None else ()
     return _at_rest(recording, replace(found, findings=(*found.findings, *_rare(found), *cut_off)))
 
@@ -95,6 +100,20 @@ def _no_turn(recording: Recording, base: TimeBase) -> Refusal:
         f"{recording.config.id}: the pulses cover {turned:.2g} turns of the cam without a whole one from the zero of "
         "the lift table on, expected at least one; record longer, or check pulses_per_rev and revolutions_per_cycle in "
         "[trigger]"
+    )
+
+
+def _refuse_speed(recording: Recording, told: float) -> None:
+    """Refuse a cam speed [rpm] that no bench runs at, or some powers of ten off: most likely a sample rate is."""
+    nominal = recording.config.nominal_speed / RPM
+    (low, high), off = SPEEDS, max(nominal / told, told / nominal)
+    if low / WIDER <= told <= high * WIDER and off < MOST_OFF:
+        return
+    times = f", {off:.0f} times {'that' if told < nominal else 'less'}" if off > 2.0 else ""
+    raise Refusal(
+        f"{recording.config.id}: the channels tell a cam speed of {told:.4g} rpm, the nominal speed is {nominal:.4g} "
+        f"rpm{times}; expected {low:g} to {high:g} rpm, off by less than a factor of {MOST_OFF:g}; correct the "
+        "sample rate (Hz, not kHz), pulses_per_rev or the nominal speed"
     )
 
 
