@@ -44,10 +44,12 @@ from camtorque.signal.threshold import Count, Threshold
 from camtorque.stacks import mean_of
 from camtorque.units import RPM, TURN, angle_grid, zone_hint
 
-SPEEDS, WIDER = (5.0, 20_000.0), 1.1
-"""Cam speeds that docs/formats.md promises to read [rpm], and how far beyond them nothing is refused, as a factor."""
-MOST_OFF = 300.0
-"""Factor between told and nominal speed: more than minutes for seconds (60), less than kHz for Hz."""
+SLOWEST = Threshold(4.0, "rpm", "convention", "A cam that turns slower is refused: edges are found from 5 rpm on.")
+FASTEST = Threshold(25_000.0, "rpm", "convention", "A cam that turns faster is refused: edges are found to 20 000 rpm.")
+MOST_OFF = Threshold(
+    300.0, "1", "convention",
+    "Factor between told and nominal speed from which it is refused: less than kHz for Hz, more than minutes for seconds.",
+)  # fmt: skip
 LEAD_CYCLES = Count(
     64, "cycles", "convention", "Cycles, spread over the recording, whose angle between pulses says how the cam leads."
 )
@@ -106,13 +108,13 @@ def _no_turn(recording: Recording, base: TimeBase) -> Refusal:
 def _refuse_speed(recording: Recording, told: float) -> None:
     """Refuse a cam speed [rpm] that no bench runs at, or some powers of ten off: most likely a sample rate is."""
     nominal = recording.config.nominal_speed / RPM
-    (low, high), off = SPEEDS, max(nominal / told, told / nominal)
-    if low / WIDER <= told <= high * WIDER and off < MOST_OFF:
+    off = max(nominal / told, told / nominal)
+    if SLOWEST <= told <= FASTEST and off < MOST_OFF:
         return
     times = f", {off:.0f} times {'that' if told < nominal else 'less'}" if off > 2.0 else ""
     raise Refusal(
         f"{recording.config.id}: the channels tell a cam speed of {told:.4g} rpm, the nominal speed is {nominal:.4g} "
-        f"rpm{times}; expected {low:g} to {high:g} rpm, off by less than a factor of {MOST_OFF:g}; correct the "
+        f"rpm{times}; expected {SLOWEST:g} to {FASTEST:g} rpm, off by less than a factor of {MOST_OFF:g}; correct the "
         "sample rate (Hz, not kHz), pulses_per_rev or the nominal speed"
     )
 
