@@ -48,7 +48,7 @@ SLOWEST = Threshold(4.0, "rpm", "convention", "A cam that turns slower is refuse
 FASTEST = Threshold(25_000.0, "rpm", "convention", "A cam that turns faster is refused: edges are found to 20 000 rpm.")
 MOST_OFF = Threshold(
     300.0, "1", "convention",
-    "Factor between told and nominal speed from which it is refused: less than kHz for Hz, more than minutes for seconds.",
+    "Factor between told and nominal speed from which it is refused: below kHz for Hz, above minutes for seconds.",
 )  # fmt: skip
 LEAD_CYCLES = Count(
     64, "cycles", "convention", "Cycles, spread over the recording, whose angle between pulses says how the cam leads."
