@@ -32,6 +32,7 @@ FACES = [
     "export",
     "growing",
     "watch",
+    "lmfit_minimizer",
     "lmfit_fit",
     "commands",
     "cli",

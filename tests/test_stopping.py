@@ -103,7 +103,7 @@ def test_what_compiled_code_makes_of_the_signal_is_still_a_stop() -> None:
         "cli.execute = execute\nraise SystemExit(cli.main(['check', 'x']))\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=LIMIT)
-    assert (done.returncode, done.stderr) == (143, "")
+    assert (done.returncode, done.stderr) == (143, "camtorque: stopped\n")
 
 
 def test_an_interruption_reaches_a_notebook_as_one_whatever_compiled_code_makes_of_it() -> None:
@@ -175,6 +175,8 @@ def command_line(arguments: str, **environment: str) -> subprocess.CompletedProc
 def test_closed_and_full_streams(tail: str, status: int, message: str) -> None:
     done = command_line(f"camtorque check A_1250rpm {tail}")
     assert (done.returncode, done.stderr.strip()) == (status, message)
+    done = command_line(f"camtorque --help {tail}")
+    assert (done.returncode, done.stderr.strip()) == (status, message.replace(" check", ""))
 
 
 def test_odd_locale_and_unwritable_home(tmp_path: Path) -> None:

@@ -13,12 +13,13 @@ import sys
 import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from importlib import import_module
 from typing import Any, NoReturn
 
 from camtorque.commands import COMMANDS, REFUSED, Outcome
 from camtorque.commands.arguments import add_arguments
-from camtorque.process.stopping import stoppable
+from camtorque.process.stopping import before_leaving, stoppable
 from camtorque.process.system import described, forget, no_tracebacks, silence_output, usable_streams
 from camtorque.progress import silent
 from camtorque.version import __version__
@@ -36,6 +37,13 @@ class OneLineParser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Print one line on standard error and leave with status 2."""
         self.exit(REFUSED, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """Print; argparse itself would pass over a standard output that takes nothing."""
+        if file is sys.stdout:
+            print(message, end="", flush=True)
+        else:
+            super()._print_message(message, file)
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -94,7 +102,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(ON_WINDOWS, file=sys.stderr)
         return REFUSED
     parser = build_parser()
-    parsed, more = parser.parse_known_args(arguments)
+    try:
+        parsed, more = parser.parse_known_args(arguments)
+    except BrokenPipeError:
+        silence_output()
+        return 0
+    except OSError as error:  # the help, onto a full disk
+        print(f"camtorque: {'; '.join(described(error))}", file=sys.stderr)
+        silence_output()
+        return REFUSED
     if more:
         parser.exit(REFUSED, f"camtorque {parsed.command}: {_too_many(parsed, more)}\n")
     if parsed.debug:
@@ -106,14 +122,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _status(parsed: argparse.Namespace) -> int:
     """Run one command and return the exit status, whatever happens."""
+    # hours of work seem lost
+    stopped = "stopped; the same command goes on where it was" if parsed.command == "campaign" else "stopped"
     try:
-        with stoppable():
+        with stoppable(), before_leaving(partial(tell, stopped)):
             status = execute(parsed)
             sys.stdout.flush()
             return status
     except KeyboardInterrupt as stop:
-        if parsed.command == "campaign":  # hours of work seem lost
-            tell("stopped; the same command goes on where it was")
+        tell(stopped)
         return getattr(stop, "status", STOPPED)
     except BrokenPipeError:
         silence_output()

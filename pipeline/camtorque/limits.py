@@ -198,13 +198,15 @@ def overall(verdicts: Sequence[Verdict]) -> str:
 def refuse_unknown(documents: Sequence[Mapping[str, Any]], limits: Sequence[Limit], parameters: Iterable[str]) -> None:
     """Refuse a quantity that none of the results has, naming those that are alike: most likely it is misspelt.
 
-    One of ``parameters``, which no fit may have needed, is no slip; nor is what a section that is null could hold.
+    A number of one of ``parameters``, which no fit may have needed, is no slip; nor is what a section that is null
+    could hold.
     """
     known = sorted({path for document in documents for path in quantities(document)})
     absent = [f"{name}." for document in documents for name, value in document.items() if value is None]
-    absent += [f"parameters.{name}." for name in parameters]
+    numbers = {path.split(".")[2] for path in known if path.startswith("parameters.")} or {"value"}
+    unneeded = {f"parameters.{name}.{number}" for name in parameters for number in numbers}
     for limit in limits:
-        if limit.quantity not in known and not limit.quantity.startswith(tuple(absent)):
+        if limit.quantity not in (*known, *unneeded) and not limit.quantity.startswith(tuple(absent)):
             hint = did_you_mean(limit.quantity, tuple(known)) or f", expected one such as {', '.join(known[:3])}"
             raise Refusal(f"limit {limit.quantity!r}: found in no result{hint}")
 

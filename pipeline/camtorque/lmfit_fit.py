@@ -13,7 +13,6 @@ with every parameter in the unit of the report. `lmfit.fit_report` and `lmfit.co
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -32,6 +31,7 @@ from camtorque.fit.problem import Problem
 from camtorque.fit.single import prepare
 from camtorque.fit.solver import LiftModes
 from camtorque.laws.chain import ChainOutput, evaluate
+from camtorque.lmfit_minimizer import WithinBounds, probability
 from camtorque.process.threads import on_one_thread
 from camtorque.records import Array, Recording, Refusal
 from camtorque.rehearsal import rigid_torque
@@ -111,7 +111,7 @@ class OwnFit:
         rows = np.vstack([self._whitened(left), teeth, np.diag(1.0 / self.problem.priors[1])])
         return rows * self.units @ self._ties(parameters)
 
-    def minimizer(self, parameters: lmfit.Parameters) -> lmfit.Minimizer:
+    def minimizer(self, parameters: lmfit.Parameters) -> WithinBounds:
         """Return lmfit's minimizer of these parameters; ``minimize()`` fits, `lmfit.conf_interval` takes it.
 
         The weights hold the model error, so the covariance is not scaled by the residual.
@@ -127,7 +127,7 @@ class OwnFit:
         missing = [name for name in self.names if name not in parameters]
         if missing:
             raise Refusal(f"minimizer: found no parameter {missing[0]!r}, expected all of own.parameters()")
-        return _WithinBounds(self.residual, parameters, scale_covar=False, jac=self.jacobian, x_scale="jac")
+        return WithinBounds(self.residual, parameters, scale_covar=False, jac=self.jacobian, x_scale="jac")
 
     @staticmethod
     def probability(best: Any, other: Any) -> float:
@@ -136,7 +136,7 @@ class OwnFit:
         The weights are absolute: twice the logarithm of the likelihood ratio is the difference of chi-square. lmfit's
         F-test, its default, would scale it by a residual that the weights allow for.
         """
-        return math.erf(math.sqrt(0.5 * max(other.chisqr - best.chisqr, 0.0)))
+        return probability(best, other)
 
     def _si(self, parameters: lmfit.Parameters) -> Array:
         return np.array([parameters[name].value for name in self.names]) * self.units
@@ -166,18 +166,6 @@ class OwnFit:
             moved[name].set(value=middle)
             columns.append((ends[0] - ends[1]) / (2.0 * step))
         return np.column_stack(columns)
-
-
-class _WithinBounds(lmfit.Minimizer):
-    """Minimizes by scipy's trust region, which knows bounds.
-
-    lmfit's leastsq bends them into a sine, which is flat where a parameter rests on its bound; a refit from there, as
-    `lmfit.conf_interval` makes it, does not move.
-    """
-
-    def leastsq(self, params: Any = None, max_nfev: int | None = None, **kws: Any) -> Any:
-        """Fit by `least_squares`."""
-        return self.least_squares(params, max_nfev, **kws)
 
 
 @on_one_thread

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from camtorque.cli import build_parser
+from camtorque.design import read_task
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "pipeline" / "camtorque"
@@ -41,6 +42,15 @@ def test_the_picture_of_the_rooms_is_that_of_the_code() -> None:
     drawn = runpy.run_path(str(ROOT / "docs" / "examples" / "architecture.py"))["drawing"]()
     kept = (ROOT / "docs" / "architecture.svg").read_text(encoding="utf-8")
     assert drawn == kept, "python docs/examples/architecture.py"
+
+
+def test_the_page_of_cam_profiles_is_that_of_the_code() -> None:
+    """Its tables that no search decides; of the searched ones rounding picks the digits."""
+    made = runpy.run_path(str(ROOT / "docs" / "examples" / "cam_profiles.py"))
+    tables = made["unsearched"](read_task(ROOT / "calibration" / "paper_design.toml"))
+    page = (ROOT / "docs" / "cam_profiles.md").read_text(encoding="utf-8")
+    frame = re.split(r"\{[^{}]*\}", made["PAGE"])
+    assert not [text for text in (*tables.values(), *frame) if text not in page], "python docs/examples/cam_profiles.py"
 
 
 def test_the_menu_names_pages_that_exist() -> None:

@@ -288,8 +288,16 @@ def test_what_is_no_path_is_told_as_that(arrays: dict[str, np.ndarray]) -> None:
 def test_a_rate_in_khz_is_told_by_the_speed(pump_file: Path, arrays: dict[str, np.ndarray]) -> None:
     rates = {name: 1e-3 * rate for name, rate in RATES.items()}
     slow = recording(pump_file, arrays, sample_rate=rates, sensors={}, trigger_delay=0.0)
+    told = "a cam speed of 1 rpm, the nominal speed is 1000 rpm, 1000 times that; .* correct the sample rate"
+    with pytest.raises(camtorque.Refusal, match=told):
+        camtorque.align(slow)
+
+
+def test_a_speed_that_pulses_and_sheet_state_otherwise_is_told(pump_file: Path, arrays: dict[str, np.ndarray]) -> None:
+    rates = {name: 0.1 * rate for name, rate in RATES.items()}
+    slow = recording(pump_file, arrays, sample_rate=rates, sensors={}, trigger_delay=0.0)
     (text,) = (row.text for row in camtorque.align(slow).findings if row.code == "speed_off_nominal")
-    assert text == "the pulses tell 1 rpm, the nominal speed is 1000 rpm"
+    assert text == "the pulses tell 100 rpm, the nominal speed is 1000 rpm"
 
 
 ANGLE = np.radians(np.arange(0.0, 360.0, 2.0))

@@ -218,8 +218,9 @@ def test_what_no_fit_needed_cannot_be_told_and_is_no_slip(quantity: str) -> None
     limits = [Limit(quantity, None, 1.0)]
     refuse_unknown([DOCUMENT], limits, ["feed_pressure"])
     assert judge(DOCUMENT, limits)[0].verdict == "cannot tell"
-    with pytest.raises(Refusal, match="found in no result"):
-        refuse_unknown([DOCUMENT], [Limit("metrics.peak_bar", None, 1.0)], ["feed_pressure"])
+    for slip in ("metrics.peak_bar", "parameters.feed_pressure.ci95"):
+        with pytest.raises(Refusal, match="found in no result"):
+            refuse_unknown([DOCUMENT], [Limit(slip, None, 1.0)], ["feed_pressure"])
 
 
 def test_no_report_and_foreign_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

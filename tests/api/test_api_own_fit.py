@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import camtorque
 import lmfit
@@ -122,6 +124,73 @@ def test_uncertainties_and_intervals(own: OwnFit) -> None:
         rows = found["trigger_offset"]
         width = 0.5 * (rows[2][1] - rows[0][1])
         assert width == pytest.approx(result.params["trigger_offset"].stderr * scale, rel=0.05)
+
+
+TIED: dict[str, dict[str, object]] = {
+    "leakage": {"max": 0.05}, "pin_arm": {"expr": "0.05 * bearing_arm"}, "gain_error": {"value": 0.0, "vary": False},
+}  # fmt: skip
+"""The example of docs/own_fit.md."""
+
+
+def test_a_refit_follows_the_valley(own: OwnFit) -> None:
+    parameters = changed(own.parameters(), TIED)
+    minimizer = own.minimizer(parameters)
+    result = minimizer.minimize()
+    best = result.params["dead_volume"]
+    for deviations in (-3.0, -2.0, 2.0, 3.0):
+        held = result.params.copy()
+        held["dead_volume"].set(value=best.value + deviations * best.stderr, vary=False)
+        risen = minimizer.minimize(params=held).chisqr - result.chisqr
+        # 1 where all is linear; a trust region from where the others were stopped at 2.7
+        assert 0.8 < risen / deviations**2 < 1.4, deviations
+
+
+def test_an_end_that_a_bound_cuts_off_is_told(own: OwnFit) -> None:
+    start = own.parameters()["trigger_offset"].value
+    parameters = changed(some_free(own), {"trigger_offset": {"max": start}})
+    minimizer = own.minimizer(parameters)
+    found = minimizer.intervals(minimizer.minimize(), ["trigger_offset"])
+    (confidence, upper) = found.rows["trigger_offset"][-1]
+    assert upper == np.inf
+    assert confidence > 0.99
+    assert found.notes[-1].endswith("99.73 %: its bound comes first")
+
+
+def test_a_lower_minimum_of_a_refit_is_the_fit(own: OwnFit, monkeypatch: pytest.MonkeyPatch) -> None:
+    minimizer = own.minimizer(some_free(own))
+    result = minimizer.minimize()
+    calls = []
+
+    def conf_interval(_: object, best: object, p_names: list[str], prob_func: Callable[..., float]) -> dict:
+        calls.append(best)
+        lower = SimpleNamespace(chisqr=result.chisqr - 1.0, params=result.params.copy())
+        lower.params["dead_volume"].set(vary=False)
+        assert len(calls) > 1 or prob_func(best, lower)
+        return {p_names[0]: [(0.68, 1.0), (0.0, 1.5), (0.68, 2.0), (0.95, 2.001)]}
+
+    monkeypatch.setattr(lmfit, "conf_interval", conf_interval)
+    found = minimizer.intervals(result, ["dead_volume"])
+    assert len(calls) == 2
+    assert found.result is calls[1] is not result
+    assert found.result.params["dead_volume"].vary
+    assert found.notes == ("dead_volume: two upper ends are one, where refits fall into another minimum",)
+
+
+def test_intervals_that_refits_do_not_find_are_refused(own: OwnFit, monkeypatch: pytest.MonkeyPatch) -> None:
+    parameters = own.parameters()
+    for name in parameters:
+        parameters[name].set(vary=name == "shaft_drag")
+    minimizer = own.minimizer(parameters)
+    with pytest.raises(Refusal, match="found one varying parameter, expected two"):
+        minimizer.intervals(minimizer.minimize(), ["shaft_drag"])
+
+    def conf_interval(*_: object, **__: object) -> dict:
+        raise ValueError("f(a) and f(b) must have different signs")
+
+    monkeypatch.setattr(lmfit, "conf_interval", conf_interval)
+    minimizer = own.minimizer(some_free(own))
+    with pytest.raises(Refusal, match="dead_volume has none by refits"):
+        minimizer.intervals(minimizer.minimize(), ["dead_volume"])
 
 
 @pytest.mark.parametrize(

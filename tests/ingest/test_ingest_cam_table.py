@@ -244,3 +244,15 @@ def test_the_stated_resolution_may_have_a_decimal_comma(tmp_path: Path):
     file = tmp_path / "cam.csv"
     file.write_text("# resolution 0,5 um\n" + rows(ANGLES, LIFT))
     assert read_cam_table(pump(file))[0].resolution == pytest.approx(0.5e-6)
+
+
+@pytest.mark.parametrize(("comment", "found"), [("resolution 1.2.3 um", "1.2.3 um"), ("resolution: 0.001", "0.001")])
+def test_a_stated_resolution_that_cannot_be_read_is_told(tmp_path: Path, comment: str, found: str):
+    file = tmp_path / "cam.csv"
+    file.write_text(f"# {comment}\n" + rows(ANGLES, LIFT))
+    table, findings = read_cam_table(pump(file))
+    assert table.resolution == pytest.approx(1e-6)
+    (told,) = (row.text for row in findings if row.code == "lift_resolution_unread")
+    assert found in told
+    file.write_text("# measured with high resolution\n" + rows(ANGLES, LIFT))
+    assert not [row for row in read_cam_table(pump(file))[1] if row.code == "lift_resolution_unread"]

@@ -162,6 +162,12 @@ def test_a_wrong_type_is_refused(tmp_path: Path, line: str):
         ("recording/1", "recording/2", """schema is 'fip-bench-recording/2'.*write schema = "fip-.*" at the top$"""),
         ("roller_radius_m = 0.008", "roller_radius_m = 8 mm", "'roller_radius_m = 8 mm'; write the number alone"),
         ("nominal_speed_rpm = 600.0", "nominal_speed_rpm = 1.600,0", "no sign between thousands: write 1234.5"),
+        (
+            "nominal_speed_rpm = 600.0",
+            "nominal_speed_rpm = 1979-05-27",
+            "found the date or time 1979-05-27, expected a number",
+        ),
+        ("nominal_speed_rpm = 600.0", f"nominal_speed_rpm = {'9' * 5000}", "value has 5000 digits$"),
     ],
 )
 def test_a_bad_value_is_refused(tmp_path: Path, old: str, new: str, message: str):

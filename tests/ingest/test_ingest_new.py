@@ -176,10 +176,14 @@ def test_a_pressure_is_no_pulse_train():
     assert not is_pulse_train(np.random.default_rng(1).normal(size=5000))
 
 
-def test_columns_that_nothing_names_are_asked_for_and_still_ones_refused(tmp_path: Path):
+def test_columns_that_nothing_names_are_asked_for_and_still_ones_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     file = tmp_path / "log.csv"
     file.write_text("a,b\n" + "".join(f"{n % 13},{n * n % 17}\n" for n in range(500)))
     assert new_recording(tmp_path, look_into([file]), None).unknown.count("quantity") == 2
+    assert cli.main(["new", str(file)]) == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()[:2]] == ["?", "?"]
     file.write_text("a,b\n" + "1,2\n" * 500)
     found = look_into([file])
     with pytest.raises(Refusal, match="no channel changes; there is no torque"):
@@ -327,3 +331,22 @@ def test_one_pulse_a_turn_beside_an_encoder_is_its_index(tmp_path: Path, name: s
     assert re.findall(r'^quantity = "(\w+)"', text, re.MULTILINE) == ["torque", "encoder_a", "encoder_b", "index"]
     assert "pulses_per_rev = 360" in text
     assert 'reference = "index"' in text
+
+
+def test_tracks_that_are_called_a_b_and_z_are_those_of_an_encoder(tmp_path: Path):
+    angle = np.arange(60_000) * (12.0 / 60_000)
+    tracks = {"A": (360 * angle) % 1.0 < 0.5, "B": (360 * angle - 0.25) % 1.0 < 0.5, "Z": angle % 1.0 < 0.01}
+    file = tmp_path / "log.npz"
+    np.savez(file, fs=20e3, torque_Nm=np.sin(angle), **{key: 5.0 * values for key, values in tracks.items()})
+    found = {item.channel.name: (item.quantity, item.unit) for item in look_into([file])}
+    assert found["A"] == ("encoder_a", "V")
+    assert found["B"] == ("encoder_b", "V")
+    assert found["Z"] == ("index", "V")
+
+
+def test_pulses_of_zero_and_one_are_no_volts(tmp_path: Path):
+    angle = np.arange(60_000) * (12.0 / 60_000)
+    file = tmp_path / "log.npz"
+    np.savez(file, fs=20e3, torque_Nm=np.sin(angle), trigger=(angle % 1.0 < 0.1).astype(float))
+    (unit,) = (item.unit for item in look_into([file]) if item.quantity == "trigger")
+    assert unit == "logic"

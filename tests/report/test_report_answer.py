@@ -46,7 +46,10 @@ def test_an_explained_run_says_gap_cause_and_how_sure() -> None:
     parts = {part["head"]: part["text"] for part in answer(doc)}
     assert "above the rigid model" in parts["The gap"]
     assert "The data need chamber and driveline." in parts["What closes it"]
-    assert "They cannot tell whether they need friction." in parts["What closes it"]
+    assert (
+        "They cannot tell whether they need friction; values stated of it suppose that it acts."
+        in parts["What closes it"]
+    )
     assert "do as well without spring; what stands for it here is what sheet" in parts["What closes it"]
     assert (
         "Stretches of 20 deg, left out of a fit in turn, are predicted to a median of 0.2 % of the peak, the worst "

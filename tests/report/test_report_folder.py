@@ -109,6 +109,10 @@ def test_too_little_space_is_told_before_anything_is_read(target: Path, monkeypa
     command = pytest.raises(Refusal, match=r"found 3.0 MB of free space, expected at least 20 MB")
     with command, output_folder(target, "result.json"):
         raise AssertionError("nothing may be computed")
+    monkeypatch.setattr(shutil, "disk_usage", lambda place: usage(0, 0, 0))  # such as /proc
+    command = pytest.raises(Refusal, match=r"is no place on a disk; choose another place")
+    with command, output_folder(target, "result.json"):
+        raise AssertionError("nothing may be computed")
 
 
 def test_a_read_only_place_is_told_before_anything_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

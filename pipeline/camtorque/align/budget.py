@@ -145,8 +145,9 @@ def ripple_text(spec: TriggerSpec, torque: Array | None, speed: float) -> str:
         moved = np.degrees(np.max(np.abs(angle_correction(torque, speed, spec.nominal_angle, inertia=1.0))))
         text += f"; the measured torque moves it by 1 degree at most on a drive of {moved:.2g} kg m^2, less on heavier"
     return text + (
-        f"; more than {APART_DEG['spring']:g} to {APART_DEG['all']:g} degrees would be told; the driveline of the fit "
-        "rebuilds it from the torque"
+        "; the driveline of the fit rebuilds it from the torque; where it moves the two flanks "
+        f"of the spring more than {APART_DEG['spring']:g} degrees apart, or spring and delivery {APART_DEG['all']:g} "
+        "degrees, a warning says so"
     )
 
 

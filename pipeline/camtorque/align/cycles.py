@@ -42,8 +42,14 @@ from camtorque.records import (
 from camtorque.signal.logger_time import end_time
 from camtorque.signal.threshold import Count, Threshold
 from camtorque.stacks import mean_of
-from camtorque.units import TURN, angle_grid, zone_hint
+from camtorque.units import RPM, TURN, angle_grid, zone_hint
 
+SLOWEST = Threshold(4.0, "rpm", "convention", "A cam that turns slower is refused: edges are found from 5 rpm on.")
+FASTEST = Threshold(25_000.0, "rpm", "convention", "A cam that turns faster is refused: edges are found to 20 000 rpm.")
+MOST_OFF = Threshold(
+    300.0, "1", "convention",
+    "Factor between told and nominal speed from which it is refused: below kHz for Hz, above minutes for seconds.",
+)  # fmt: skip
 LEAD_CYCLES = Count(
     64, "cycles", "convention", "Cycles, spread over the recording, whose angle between pulses says how the cam leads."
 )
@@ -85,6 +91,7 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     silent = silence_findings(base, channels.main)
     base = replace(base, findings=(*base.findings, *silent, *findings, *running, *untied))
     found = _cam_cycles(recording, table, used, cut_flow, {**aligned, **others}, base, angle, lags.wander)
+    _refuse_speed(recording, found.mean_speed / RPM)
     cut_off = flat_top_findings(found.mean_torque) if found.torque is not None else ()
     return _at_rest(recording, replace(found, findings=(*found.findings, *_rare(found), *cut_off)))
 
@@ -95,6 +102,20 @@ def _no_turn(recording: Recording, base: TimeBase) -> Refusal:
         f"{recording.config.id}: the pulses cover {turned:.2g} turns of the cam without a whole one from the zero of "
         "the lift table on, expected at least one; record longer, or check pulses_per_rev and revolutions_per_cycle in "
         "[trigger]"
+    )
+
+
+def _refuse_speed(recording: Recording, told: float) -> None:
+    """Refuse a cam speed [rpm] that no bench runs at, or some powers of ten off: most likely a sample rate is."""
+    nominal = recording.config.nominal_speed / RPM
+    off = max(nominal / told, told / nominal)
+    if SLOWEST <= told <= FASTEST and off < MOST_OFF:
+        return
+    times = f", {off:.0f} times {'that' if told < nominal else 'less'}" if off > 2.0 else ""
+    raise Refusal(
+        f"{recording.config.id}: the channels tell a cam speed of {told:.4g} rpm, the nominal speed is {nominal:.4g} "
+        f"rpm{times}; expected {SLOWEST:g} to {FASTEST:g} rpm, off by less than a factor of {MOST_OFF:g}; correct the "
+        "sample rate (Hz, not kHz), pulses_per_rev or the nominal speed"
     )
 
 

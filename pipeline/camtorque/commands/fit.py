@@ -10,6 +10,7 @@ import lmfit
 from camtorque.commands import Outcome, Tell
 from camtorque.jsonable import jsonable
 from camtorque.lmfit_fit import changed, own_fit, read_changes
+from camtorque.lmfit_minimizer import Intervals
 from camtorque.process.second_process import second_process
 from camtorque.records import Refusal
 from camtorque.units import did_you_mean
@@ -25,13 +26,14 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     _refuse_unknown(arguments.intervals, parameters)
     tell("fitting by lmfit")
     minimizer = own.minimizer(parameters)
-    result = minimizer.minimize()
-    text, intervals = lmfit.fit_report(result, show_correl=False), {}
+    found = Intervals(minimizer.minimize(), {}, ())
     if arguments.intervals:
         tell("seeking the intervals")
-        intervals = lmfit.conf_interval(minimizer, result, p_names=arguments.intervals, prob_func=own.probability)
-        text += f"\n\n{lmfit.ci_report(intervals)}"
-    return Outcome(text, jsonable(_document(result, intervals)))
+        found = minimizer.intervals(found.result, arguments.intervals)
+    lines = [lmfit.fit_report(found.result, show_correl=False)]
+    if found.rows:
+        lines += ["", lmfit.ci_report(found.rows), *(f"note: {note}" for note in found.notes)]
+    return Outcome("\n".join(lines), jsonable(_document(found)))
 
 
 def _refuse_unknown(names: list[str], parameters: lmfit.Parameters) -> None:
@@ -44,11 +46,13 @@ def _refuse_unknown(names: list[str], parameters: lmfit.Parameters) -> None:
             )
 
 
-def _document(result: Any, intervals: Any) -> dict[str, Any]:
+def _document(found: Intervals) -> dict[str, Any]:
+    result = found.result
     rows = {
         name: {"value": item.value, "stderr": item.stderr, "unit": item.user_data, "min": item.min, "max": item.max,
                "vary": item.vary, "expr": item.expr}
         for name, item in result.params.items()
     }  # fmt: skip
     summary = {"chi_square": result.chisqr, "evaluations": result.nfev, "message": result.message}
-    return {"schema": "camtorque.own_fit/1", **summary, "parameters": rows, "intervals": intervals}
+    told = {"intervals": found.rows, "notes": found.notes}
+    return {"schema": "camtorque.own_fit/1", **summary, "parameters": rows, **told}

@@ -8,6 +8,7 @@ from pathlib import Path
 from shlex import quote
 
 from camtorque.commands import Outcome, Tell
+from camtorque.config.keys import UNKNOWN
 from camtorque.config.schemas import RECORDING_FILE
 from camtorque.ingest.new_recording import new_recording
 from camtorque.ingest.proposal import Proposal, look_into
@@ -35,22 +36,24 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     if new.unknown:
         named = [f"{name} ({count} times)" if count > 1 else name for name, count in Counter(new.unknown).items()]
         left = f'{counted(len(new.unknown), "value is", "values are")} marked "?": {", ".join(named)}'
-    text = "\n".join([*map(_line, proposals), str(file), left, f"then: camtorque check {quote(str(folder))}"])
-    document = {"schema": SCHEMA, "file": str(file), "unknown": new.unknown, "channels": [*map(_entry, proposals)]}
-    return Outcome(text, jsonable(document))
+    told = [(item, UNKNOWN if any(item is one for one in new.asked) else item.quantity) for item in proposals]
+    lines = [*(_line(*pair) for pair in told), str(file), left, f"then: camtorque check {quote(str(folder))}"]
+    channels = [_entry(*pair) for pair in told]
+    document = {"schema": SCHEMA, "file": str(file), "unknown": new.unknown, "channels": channels}
+    return Outcome("\n".join(lines), jsonable(document))
 
 
-def _line(item: Proposal) -> str:
+def _line(item: Proposal, quantity: str) -> str:
     channel = item.channel
     rate = f"{channel.sample_rate:.6g} Hz" if channel.sample_rate else "rate unknown"
     name = f"{channel.group}/{channel.name}".strip("/")
     return printable(
-        f"  {item.quantity or 'not used':20}{item.path.name:28} {name:24} {channel.n_samples:>9} samples at "
+        f"  {quantity or 'not used':20}{item.path.name:28} {name:24} {channel.n_samples:>9} samples at "
         f"{rate:>12}, {item.low:.4g} to {item.high:.4g} {channel.unit or item.unit or 'without a unit'}"
     )
 
 
-def _entry(item: Proposal) -> dict[str, object]:
+def _entry(item: Proposal, quantity: str) -> dict[str, object]:
     channel = item.channel
     return {
         "file": str(item.path),
@@ -62,5 +65,5 @@ def _entry(item: Proposal) -> dict[str, object]:
         "samples": channel.n_samples,
         "low": item.low,
         "high": item.high,
-        "quantity": item.quantity,
+        "quantity": quantity,
     }

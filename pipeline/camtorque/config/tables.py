@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from datetime import date, datetime
+from datetime import date, datetime, time
 from pathlib import Path
 from typing import Any
 
@@ -80,7 +80,7 @@ def read_toml(file: Path, expected: str) -> tuple[str, dict[str, Any]]:
     except RecursionError as error:
         raise Refusal(f"{file}: tables or lists are nested too deep; a bench file has two levels") from error
     except ValueError as error:  # TOMLDecodeError, and integers of thousands of digits
-        said = " ".join(str(error).split())[:200]
+        said = " ".join(str(error).partition("; use sys.")[0].split())[:200]
         number, line = _named_line(text, said)
         if DECIMAL_COMMA.fullmatch(line):
             raise Refusal(
@@ -248,7 +248,7 @@ def read_closed(table: Table, schema: TableSchema, *others: str) -> dict[str, An
 
 def _shown(value: Any) -> str:
     try:
-        text = repr(value)
+        text = f"the date or time {value}" if isinstance(value, date | time) else repr(value)
     except (ValueError, RecursionError):  # an integer of thousands of digits
         text = f"a {type(value).__name__}"
     return text if len(text) <= 60 else text[:57] + "..."

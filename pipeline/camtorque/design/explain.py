@@ -18,8 +18,9 @@ from camtorque.design.solver import Label, Scale, Solution, multipliers, signs_o
 from camtorque.design.task import SLIP, Limit
 from camtorque.records import Array, Refusal
 
-NOTHING = 1.0e-6
-"""A multiplier below this share of that of the aims is rounding."""
+NOTHING = 1.0e-3
+"""A multiplier below this share of that of the aims has no price: loosened by all its size, the limit would move them
+by less than a thousandth of the front, which is where the search stopped."""
 CORNER = 0.1
 """An aim whose own multiplier is below this share of the others' has no price: the front has a corner there."""
 SEEN = 1.0e-3

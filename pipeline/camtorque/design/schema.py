@@ -51,7 +51,8 @@ TOLERANCES = TableSchema("[tolerances]", "half widths of what the shop may be of
     Key("samples", "whole", "cams that are drawn", default=100, band=Band(10, 10_000, "minutes")),
 ), required=False)  # fmt: skip
 ANSWER = TableSchema("[answer]", "what is wanted", (
-    Key("points", "whole", "points of the front", default=50, band=Band(2, 1000, "minutes")),
+    Key("points", "whole", "points of the front, beside the best of each aim; equal and beaten ones are left out",
+        default=50, band=Band(2, 1000, "minutes")),
     Key("choose", "text", "`knee`, or the aim whose best design is written out", default="knee"),
     Key("seed", "whole", "of the random starts and of the tolerances", default=0, band=Band(0, 1e9, "any number")),
     Key("starts", "whole", "starts of the search for the best of each aim", default=3, band=Band(1, 100, "minutes")),

@@ -17,6 +17,7 @@ from camtorque.units import BORDER_UNITS, DEGREE, did_you_mean, tidy_unit, unit_
 RESOLUTION = re.compile(
     r"resolution\s*[:=]?\s*(\d{1,9}(?:[.,]\d{1,9})?(?:e-?\d{1,2})?)\s*([a-zµμ]{1,9})", re.IGNORECASE
 )
+STATED = re.compile(r"resolution\s*[:=]?\s*\d[^\s;,#]*(?:\s*[a-zµμ]{1,9}\b)?", re.IGNORECASE)
 LEAST_ROWS = 8
 SMALL_DIP = 5.0e-3
 """Share of the lift below the base circle that is runout or noise of a measured table."""
@@ -86,6 +87,9 @@ def read_cam_table(pump: PumpData) -> tuple[CamTable, tuple[Finding, ...]]:
     if np.ptp(lift) <= 2.0 * resolution:
         raise Refusal(f"{table.path}: the lift varies by {1e6 * np.ptp(lift):.3g} um only; is the column right?")
     findings += _above_zero(table, lift, resolution, pump.base_circle_radius)
+    if (stated := STATED.search(table.comment)) and not RESOLUTION.search(table.comment):
+        text = f"{stated[0]!r} is not read, the decimals tell {1e6 * resolution:.3g} um; write it as: resolution 1 um"
+        findings.append(Finding("lift_resolution_unread", "warning", text, where))
     _check_zero(table, theta, lift)
     findings += _coarse(theta, lift, where)
     cam = CamTable(theta, lift, resolution)

@@ -47,10 +47,11 @@ SHEET_UNITS = {"torque": "N m", "pressure": "bar"}
 
 @dataclass(frozen=True)
 class NewRecording:
-    """The text, and the keys whose value is still unknown."""
+    """The text, the keys whose value is still unknown, and the channels that are asked for as nothing names them."""
 
     text: str
     unknown: tuple[str, ...]
+    asked: tuple[Proposal, ...]
 
 
 def new_recording(folder: Path, proposals: list[Proposal], like: Path | None) -> NewRecording:
@@ -87,7 +88,7 @@ def new_recording(folder: Path, proposals: list[Proposal], like: Path | None) ->
         writer.line(
             f"# not used: {item.path.name!a}, {item.channel.group!a}, {item.channel.name!a}, {item.channel.unit!a}"
         )
-    return NewRecording("\n".join(writer.lines) + "\n", tuple(writer.unknown))
+    return NewRecording("\n".join(writer.lines) + "\n", tuple(writer.unknown), tuple(open_ones))
 
 
 def _write_trigger(

@@ -57,6 +57,7 @@ BY_DIMENSION = {
 SUPPLY_NAME = r"exc|suppl|speis|versorg|br.cke.?(sp|u)|bridge.?(v|u)|\bu_?b\b"
 """Names of the supply of a bridge."""
 TRAINS = ("trigger", "encoder_a")
+TRACKS = ("encoder_a", "encoder_b", "index")
 FASTER = 1.5
 """A pulse train with this many times the pulses of another one is a wheel beside its index."""
 WAVE_SHARE, LEAST_WAVES = 0.2, 20
@@ -75,7 +76,7 @@ class Proposal:
     Attributes
     ----------
     quantity : "" where nothing tells it
-    unit : of recording.toml: the file's where it is known, V for pulses, else ""
+    unit : of recording.toml: the file's where it is known, logic for pulses of 0 and 1, V for others, else ""
     low, high : of the samples looked at, in the file's unit
     sensor : "inductive" for a trigger that is a coil, else ""
     has_rival : another channel may be this quantity as well
@@ -119,7 +120,7 @@ def look_into(paths: list[Path]) -> list[Proposal]:
         groups = Counter(channel.group for channel in channels)
         looked = [_proposal(path, name, channel, _hint(path, channel, groups)) for channel in channels]
         found += [item for item in looked if np.isfinite(item.low)] or looked
-    found = _without_unsure(_with_index(found))
+    found = _without_unsure(_with_index(_with_tracks(found)))
     found = [replace(item, supply=_supply_of(item, found)) for item in found]
     alike: dict[tuple[str, Path | None], list[int]] = {}
     for number, item in enumerate(found):
@@ -143,6 +144,17 @@ def _hint(path: Path, channel: FileChannel, groups: Counter[str]) -> str:
     if groups.total() == 1:
         return f"{path.stem} {channel.group}"
     return channel.group if groups[channel.group] == 1 else ""
+
+
+def _with_tracks(found: list[Proposal]) -> list[Proposal]:
+    """Take pulse trains that are called A, B and Z (or N) beside each other for the tracks of an encoder."""
+    for path in dict.fromkeys(item.path for item in found):
+        named = {item.channel.name.strip().upper(): number for number, item in enumerate(found) if item.path == path}
+        tracks = dict(zip(TRACKS, ("A", "B", "Z" if "Z" in named else "N"), strict=True))
+        if all(name in named and found[named[name]].quantity in ("trigger", "index") for name in tracks.values()):
+            for quantity, name in tracks.items():
+                found[named[name]] = replace(found[named[name]], quantity=quantity, sensor="")
+    return found
 
 
 def _with_index(found: list[Proposal]) -> list[Proposal]:
@@ -202,7 +214,8 @@ def _proposal(path: Path, name: str, channel: FileChannel, hint: str) -> Proposa
     unit = base or tidy_unit(channel.unit or _unit_in(channel.name))
     quantity = _quantity(channel.name, hint, unit, good) if good.size and high > low else ""
     pulses = bool(quantity) and CHANNEL_QUANTITIES[quantity].is_pulse
-    known = unit if is_known_unit(unit) else "V" if pulses else ""
+    guessed = ("logic" if set(np.unique(good)) == {0.0, 1.0} else "V") if pulses else ""
+    known = unit if is_known_unit(unit) else guessed
     coil = "inductive" if quantity == "trigger" and not is_pulse_train(good) else ""
     levels = level_share(good) if pulses else 0.0
     beats = (_half_waves(good) / 2.0 if coil else pulse_count(good)) if quantity in TRAINS else 0.0

@@ -75,7 +75,7 @@ STRETCHES = {"forward": "Forward stroke", "return_minimum": "At the minimum of t
 NAMED_CAUSES = 3
 SAID = (
     ("needed", "The data need", ""),
-    ("cannot tell", "They cannot tell whether they need", ""),
+    ("cannot tell", "They cannot tell whether they need", "; values stated of it suppose that it acts"),
     ("not needed", "They do as well without", "; what stands for it here is what sheet and literature expect"),
 )
 """Verdict on losses -> what the answer says before and after their names."""

@@ -247,7 +247,9 @@ def _made_parents(folder: Path) -> list[Path]:
 
 
 def _need_space(target: Path, folder: Path) -> None:
-    free = shutil.disk_usage(folder).free
+    total, _, free = shutil.disk_usage(folder)
+    if not total:  # such as /proc and /sys
+        raise CannotWrite(f"output {target}: {folder} is no place on a disk; choose another place")
     if free < LEAST_SPACE:
         raise CannotWrite(
             f"output {target}: found {free / 1e6:.1f} MB of free space, expected at least {LEAST_SPACE / 1e6:.0f} MB; "
