@@ -14,14 +14,16 @@ from camtorque.config import RecordingConfig
 from camtorque.config.recording import load_recording_config
 from camtorque.config.schemas import RECORDING_FILE
 from camtorque.fit.changes import Attribution, attribution
+from camtorque.fit.gains import torque_ratio
 from camtorque.fit.pair import SAME_SPEED, TwoRecordings, best_pair
-from camtorque.fit.prepare import MeanCycles, at_cam_angles, mean_cycles
+from camtorque.fit.prepare import at_cam_angles, mean_cycles
 from camtorque.fit.single import Prepared, prepare
 from camtorque.fit.valleys import NO_VALLEY
 from camtorque.fit.verdicts import (
     Difference,
     common_attributions,
     loss_differences,
+    of_a_gain,
     parameter_differences,
     pooled,
     whole_verdict,
@@ -42,8 +44,6 @@ from camtorque.units import RPM
 from camtorque.version import __version__
 
 SCHEMA = "camtorque.compare/1"
-GAIN_CHANGE, GAIN_LEFT = 0.02, 0.02
-"""A torque is another one times a gain: this far from 1, but for this share of the squares of their difference."""
 
 
 @dataclass(frozen=True)
@@ -195,6 +195,9 @@ def compare_document(
     """Return compare.json of pairs that belong together; ``names`` are those of both sides where there are several."""
     parameters = _over_pairs([item.parameters for item in compared])
     losses = _over_pairs([item.losses for item in compared])
+    ratio = torque_ratio([item.before.means for item in compared], [item.after.means for item in compared])
+    if ratio is not None:
+        parameters, losses = of_a_gain(parameters), of_a_gain(losses)
     rows = (*parameters, *losses)
     found = compared[0].found
     apart = [item.after.means.torque_all - item.before.means.torque_all for item in compared]
@@ -216,24 +219,9 @@ def compare_document(
             "rms_difference_nm": float(np.sqrt(np.mean(np.concatenate(apart) ** 2))),
             "max_difference_nm": float(np.max(np.abs(np.concatenate(apart)))),
             "odd_even_rms_nm": float(np.sqrt(np.mean(np.concatenate(repeat) ** 2))),
-            "ratio": torque_ratio([item.before.means for item in compared], [item.after.means for item in compared]),
+            "ratio": ratio,
         },
     }  # fmt: skip
-
-
-def torque_ratio(before: Sequence[MeanCycles], after: Sequence[MeanCycles]) -> float | None:
-    """Return torque after over torque before where that is all that differs, at about the same line pressure.
-
-    A pump does not change so: a transducer, its range or its certificate does.
-    """
-    one, two = (np.concatenate([side.torque_all - np.median(side.torque_all) for side in sides])
-                for sides in (before, after))  # fmt: skip
-    ratio = float(one @ two / (one @ one))
-    left = float(np.sum((two - ratio * one) ** 2) / max(np.sum((two - one) ** 2), 1e-300))
-    lines = [np.concatenate([side.pressure_all for side in sides]) for sides in (before, after)]
-    by_line = float(lines[0] @ lines[1] / (lines[0] @ lines[0]))
-    is_gain = abs(ratio - 1.0) > GAIN_CHANGE and left < GAIN_LEFT and abs(by_line - 1.0) < 0.5 * abs(ratio - 1.0)
-    return ratio if is_gain else None
 
 
 def _loud(compared: Sequence[Compared]) -> list[dict[str, str]]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from camtorque.fit.gains import GAIN_ROWS, GAINS
 from camtorque.fit.pair import TwoRecordings, root_of
 from camtorque.fit.prepare import on_grid
 from camtorque.fit.problem import FitData
@@ -20,13 +21,13 @@ sys.path.append(str(Path(__file__).resolve().parents[1] / "laws"))
 
 from laws_cases import chain_input, start_values
 
-NAMES = ("torque_zero", "trigger_offset", "delay_error", "leakage", "bulk_modulus", "spring_preload_error")
+NAMES = ("torque_zero", "trigger_offset", "delay_error", "leakage", "bulk_modulus", "spring_preload_error", *GAINS)
 NOISE, CYCLES = 0.02, 12
 
 
 def made_pair(
     changed: dict[str, float], left: Array | None = None, clock: str = "reference", late: float = 0.0,
-    tooth: float = 0.0,
+    tooth: float = 0.0, gains: tuple[float, float] = (0.0, 0.0),
 ) -> TwoRecordings:  # fmt: skip
     """Return two recordings of one pump.
 
@@ -37,12 +38,13 @@ def made_pair(
     clock : how torque and trigger are tied
     late : error of the start of the second torque file [s]
     tooth : how far behind that of the first the tooth of the second recording is [rad]
+    gains : by how much of itself the second recording has torque and pressure too large
     """
     rng = np.random.default_rng(11)
     first = chain_input(n=BINS)
     theta = angle_grid(BINS)
     basis = lift_correction(theta, first.law.evaluate(theta, 0), 1e-6, 1e-6, DEGREE)
-    values = {**start_values(), **dict.fromkeys(COLUMN_NAMES, 0.0), "leakage": 6e-15}
+    values = {**start_values(), **dict.fromkeys(COLUMN_NAMES, 0.0), "leakage": 6e-15, **dict.fromkeys(GAINS, 0.0)}
     left = np.zeros(BINS) if left is None else left
     items, cycles = [], []
     for side in (0, 1):
@@ -56,10 +58,14 @@ def made_pair(
         turn = beside + side * (changed.get("trigger_offset", 0.0) - late * chain.speed)
         orders = np.arange(BINS // 2 + 1)
         seen = np.fft.irfft(np.exp(1j * orders * turn) * np.fft.rfft(left), BINS)
-        torque = output.torque + output.linear @ linear + seen
+        sensors = [1.0 + side * gain for gain in gains]
+        torque = sensors[0] * (output.torque + output.linear @ linear + seen)
         noisy = torque + NOISE * rng.standard_normal((CYCLES, BINS))
         weight = np.full(BINS, 1.0 / (0.05 + np.max(np.abs(left))))
-        items.append(FitData("pump", chain, np.mean(noisy, axis=0), weight, "land", dict(ROWS), basis))
+        chain = replace(
+            chain, shaft_torque=sensors[0] * chain.shaft_torque, line_pressure=sensors[1] * chain.line_pressure
+        )
+        items.append(FitData("pump", chain, np.mean(noisy, axis=0), weight, "land", {**ROWS, **GAIN_ROWS}, basis))
         cycles.append(made_cycles(noisy, chain.line_pressure, chain.speed, clock))
     mean = np.diag(1.0 / items[0].weight ** 2)
     apart = np.eye(BINS) * 2.0 * NOISE**2 / CYCLES

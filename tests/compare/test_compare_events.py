@@ -12,21 +12,19 @@ import numpy as np
 import pytest
 from camtorque.fit import pair as pair_module
 from camtorque.fit.changes import (
-    STEPS_OF_CHANGE,
     Attribution,
     EventSetMinimum,
     EventSetPosterior,
     attribution,
-    basis_of,
     evidence_with,
     fitted,
     freed,
     marginal,
-    may_differ,
     near_minimum,
-    two_ln_odds,
 )
-from camtorque.fit.difference import along, evaluated, minimised, objective, turn_of_tooth, within
+from camtorque.fit.difference import along, evaluated, linearised, minimised, objective, turn_of_tooth, within
+from camtorque.fit.events import CHANGES, STEPS_OF_CHANGE, basis_of, may_differ, two_ln_odds
+from camtorque.fit.gains import GAINS
 from camtorque.fit.pair import (
     COMMON_TIME_BASE,
     RESIDUAL_REACH,
@@ -67,6 +65,19 @@ def told(
 def test_the_event_behind_a_difference_is_found_and_no_other(truth: dict[str, float], found: tuple[str, ...]) -> None:
     assert told(**truth)[0].best == found
     assert (told(**truth)[0].unchanged > 0.5) == (not found)
+
+
+@pytest.mark.parametrize(("torque", "pressure", "event"), [
+    (0.01, 0.0, "torque_gain"), (-0.05, 0.0, "torque_gain"), (0.1, 0.0, "torque_gain"), (0.0, 0.03, "pressure_gain"),
+    (0.0, -0.01, "pressure_gain"),
+])  # fmt: skip
+def test_the_gain_of_a_sensor_is_no_change_of_the_pump(torque: float, pressure: float, event: str) -> None:
+    """A transducer 1 % off had been a preload and a fluid for certain, a pressure 3 % off a delivery valve."""
+    found, pair = attribution(made_pair({}, gains=(torque, pressure)))
+    assert found.best == (event,)
+    [(name, row)] = [(row.name, row) for row in parameter_differences(pair, found) if row.verdict == "changed"]
+    assert (name,) == CHANGES[event]
+    assert row.difference == pytest.approx(100.0 * (torque + pressure), abs=3.0 * row.stderr)
 
 
 def test_a_tooth_in_another_place_is_no_event() -> None:
@@ -231,6 +242,21 @@ def test_derivatives_of_the_difference_are_those_of_finite_steps(name: str) -> N
     state = evaluated(pair, values, basis, np.zeros(1))
     expected = -((state.jacobians[1] + state.turned) @ basis.columns)[:, 0]
     assert 0.5 * (ends[1] - ends[0]) == pytest.approx(expected, abs=2e-3 * np.max(np.abs(expected)))
+
+
+@pytest.mark.parametrize("name", GAINS)
+def test_a_gain_moves_the_second_recording_alone_and_as_linearised(name: str) -> None:
+    """Pressure, twist and torque at once, read at the angle of the first; the secant over 0.3 % is that over 0.15 %."""
+    pair = made_pair({}, RINGING, tooth=25.0 * DEGREE)
+    values = np.array([pair.fixed[key] for key in pair.names])
+    basis = basis_of(pair, values, [group for group, names in CHANGES.items() if names == (name,)])
+    start = np.zeros(len(basis.labels))
+    states = [evaluated(pair, values, basis, start + np.eye(start.size)[-1] * way) for way in (0.0, 0.05)]
+    assert np.array_equal(states[0].residuals[0], states[1].residuals[0])
+    expected = (states[0].residuals[1] - states[1].residuals[1]) / 0.05
+    derivatives, _ = linearised(pair, states[0], basis.columns)
+    found = pair.difference_root @ derivatives[BINS:, -1]
+    np.testing.assert_allclose(found, expected, atol=0.01 * np.max(np.abs(expected)))
 
 
 def test_evidence_of_a_small_change_is_that_foreseen() -> None:

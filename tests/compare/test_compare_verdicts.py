@@ -21,10 +21,10 @@ from camtorque.compare import (
     left_out_rows,
     matched,
     refuse_same,
-    torque_ratio,
 )
-from camtorque.fit.changes import CHANGES, two_ln_odds
-from camtorque.fit.verdicts import Difference, pooled, verdict, whole_verdict
+from camtorque.fit.events import CHANGES, two_ln_odds
+from camtorque.fit.gains import GAINS, torque_ratio
+from camtorque.fit.verdicts import Difference, of_a_gain, pooled, verdict, whole_verdict
 from camtorque.ingest import read_recording
 from camtorque.laws import ROWS
 from camtorque.laws.swing import Swing
@@ -78,6 +78,24 @@ def test_a_gain_is_told_from_a_change_of_the_pump() -> None:
     assert torque_ratio(before, means(1.005 * torque, line)) is None
     assert torque_ratio(before, means(1.1 * torque, 1.1 * line)) is None
     assert torque_ratio(before, means(torque + 2.0 * np.abs(torque) ** 0.5, line)) is None
+
+
+def test_no_part_of_the_pump_is_named_where_the_torque_is_another_one_times_a_factor() -> None:
+    """A transducer 5 % off was told as *changed: spring preload error*."""
+    names = ("spring_preload_error", "torque_gain_error", "leakage")
+    rows = [Difference(name, 1.0, 1.2, 0.2, 0.02, "", "changed", 0.1, 0.1) for name in names]
+    assert [row.name for row in of_a_gain(rows) if row.verdict == "changed"] == ["torque_gain_error"]
+    assert [replace(row, verdict="changed") for row in of_a_gain(rows)] == rows
+
+
+def test_terminal_says_first_that_a_gain_is_no_part_of_the_pump() -> None:
+    side = {"name": "A", "speeds_rpm": [900.0]}
+    doc = {"before": side, "after": side, "verdict": "changed", "changed": ["torque_gain_error"], "parameters": {},
+           "losses": {}, "events": [{"groups": ["torque_gain"], "probability": 0.97}]}  # fmt: skip
+    first, second, third, *_ = compare_table(doc).splitlines()
+    assert first.endswith("changed")
+    assert second.startswith("A gain is no part of the pump: check the torque transducer first")
+    assert third.split() == ["97", "%", *EVENTS["torque_gain"].split()]
 
 
 def test_pairs_of_one_pump_add_what_they_know() -> None:
@@ -241,7 +259,7 @@ def test_a_warning_on_both_sides_is_told_of_both(monkeypatch: pytest.MonkeyPatch
 
 
 def test_every_event_moves_parameters_that_exist() -> None:
-    assert {name for names in CHANGES.values() for name in names} <= set(ROWS)
+    assert {name for names in CHANGES.values() for name in names} <= {*ROWS, *GAINS}
 
 
 def test_a_folder_that_is_neither_recording_nor_report_is_refused(tmp_path: Path) -> None:
@@ -331,9 +349,10 @@ def test_terminal_tells_changes_first_and_names_the_unknown() -> None:
         "losses": {},
     }  # fmt: skip
     lines = compare_table(doc).splitlines()
-    assert lines[4:8:2] == ["changed:", "not changed:"]
-    assert lines[5].startswith("leakage")
-    assert lines[7].startswith("bearing arm")
+    assert lines[3] == "before and after share a scale that may be off; only the difference is told:"
+    assert lines[5:9:2] == ["changed:", "not changed:"]
+    assert lines[6].startswith("leakage")
+    assert lines[8].startswith("bearing arm")
     assert lines[-1] == "cannot tell: pin arm"
 
 

@@ -15,6 +15,7 @@ from camtorque.report.compare_page import (
     compare_cautions,
     compare_drawings,
     compare_rows,
+    sensor_caution,
     write_compare,
 )
 from camtorque.report.numbers import no_break
@@ -58,8 +59,24 @@ def test_cautions_stand_on_the_page(tmp_path: Path) -> None:
     text = unescape((tmp_path / "compare.html").read_text(encoding="utf-8")).replace("\u00a0", " ")
     for part in ("The torque after is 1.1 times that before", "they leave 5.6 times what", "It drifts"):
         assert part in text
+    assert text.index("The torque after is 1.1 times") < text.index("</div>"), "it stands in the headline"
     assert compare_cautions(document()) == ()
     assert "differs by 1.5\u00a0N\u00a0m RMS" in no_break(compare_answer(doc))
+
+
+def test_a_gain_is_said_to_be_no_part_of_the_pump() -> None:
+    """A torque 1 % higher all around had become a preload and a fluid, without a warning."""
+    gain = {
+        **document(),
+        "changed": ["torque_gain_error"],
+        "parameters": {"torque_gain_error": row(0.97, 0.04, "changed", "%")},
+    }
+    told = compare_answer(gain)
+    assert told.startswith("torque gain error +0.970 ± 0.040 %. A gain is no part of the pump: check the torque trans")
+    assert compare_rows(gain["parameters"])[0]["name"] == "torque gain error"  # type: ignore[arg-type]
+    assert sensor_caution({**gain, "changed": ["leakage"]}) == ""
+    times = {**gain, "changed": [], "torque": {**gain["torque"], "ratio": 1.1}}  # type: ignore[dict-item]
+    assert compare_answer(times).startswith("The torque after is 1.1 times that before all around the revolution")
 
 
 def test_triggers_that_are_declared_differently_are_told_once_and_as_no_change() -> None:
@@ -85,7 +102,7 @@ def test_another_load_is_told_as_one() -> None:
     """An unchanged pump at a load a tenth higher was told as changed, by probabilities of one in 1e15."""
     far = {**document(), "pressure_peak_ratio": [1.003, 0.974, 1.02]}
     [text] = compare_cautions(far)
-    assert text.startswith("The highest pressure after is 0.974 times that before: another load, or")
+    assert text.startswith("The highest pressure after is 0.974 times that before: another load, a pump that makes")
     assert compare_cautions({**document(), "pressure_peak_ratio": [1.011, 0.99]}) == ()
 
 
@@ -130,7 +147,7 @@ def test_every_verdict_has_its_sentence(verdict: str) -> None:
 def test_a_change_without_a_name_is_one_of_those_that_are_possible() -> None:
     events = [{"groups": ["fluid"], "probability": 0.6}, {"groups": ["dead_volume"], "probability": 0.39}]
     told = compare_answer({**document(), "changed": [], "events": events})
-    assert told.startswith("something of the pump, but the data cannot tell what: bulk modulus of the fluid (60 %), ")
+    assert told.startswith("something, but the data cannot tell what: bulk modulus of the fluid (60 %), ")
 
 
 def test_an_event_that_is_sure_is_named_where_none_of_its_numbers_is() -> None:

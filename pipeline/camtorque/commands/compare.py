@@ -10,7 +10,7 @@ from camtorque.commands import Outcome, Tell
 from camtorque.commands.texts import loud_findings
 from camtorque.compare import compare
 from camtorque.process.second_process import second_process
-from camtorque.report.compare_page import compare_cautions, compare_events, compare_rows, left_out
+from camtorque.report.compare_page import compare_cautions, compare_events, compare_rows, left_out, sensor_caution
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
@@ -27,9 +27,11 @@ def compare_table(doc: Mapping[str, Any]) -> str:
     speeds = [", ".join(f"{speed:.1f}" for speed in side["speeds_rpm"]) for side in (before, after)]
     lines = [
         f"{before['name']} ({speeds[0]} rpm) against {after['name']} ({speeds[1]} rpm): {doc['verdict']}",
+        *filter(None, [sensor_caution(doc)]),
         *(f"  {probability:>6}  {event}" for event, probability in compare_events(doc)),
         *(f"warning   {text}" for text in compare_cautions(doc)),
         "",
+        "before and after share a scale that may be off; only the difference is told:",
         f"{'':22}{'before':>9}{'after':>9}{'difference':>13}{'':6}{'would be seen':>13}",
     ]
     rows = compare_rows({**doc["parameters"], **doc["losses"]})

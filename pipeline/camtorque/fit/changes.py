@@ -3,8 +3,8 @@
 A change is a group of parameters that one event moves (wear, mounting, temperature). Every single event is fitted
 together with all that is common and own, and so are those sets of up to three that its linearisation makes worth it;
 the evidence of a set is taken at its own minimum, since what a change explains bends with the size of what it changes.
-Probabilities of a change are sums over the sets. The prior odds of each group, and a width per parameter of four steps
-that matter, pay for the length of the list.
+Probabilities of a change are sums over the sets. The prior odds of each group and the width of each parameter
+(`fit.events`) pay for the length of the list.
 """
 
 from __future__ import annotations
@@ -26,46 +26,18 @@ from camtorque.fit.difference import (
     normal_equations,
     objective,
 )
-from camtorque.fit.pair import OWN_NAMES, TwoRecordings, with_difference
-from camtorque.laws.fluid import shares_per_kelvin
+from camtorque.fit.events import ALWAYS, CHANGES, basis_of, may_differ, two_ln_odds
+from camtorque.fit.pair import TwoRecordings, with_difference
 from camtorque.process.second_process import in_two
 from camtorque.records import Array
 
-CHANGES: dict[str, tuple[str, ...]] = {
-    "leakage": ("leakage",),
-    "trigger": ("trigger_offset",),
-    "spring": ("spring_preload_error",),
-    "friction": ("bearing_arm", "pin_arm", "guide_friction", "shaft_drag"),
-    "packing": ("packing_force", "packing_friction"),
-    "damping": ("shaft_viscous", "plunger_viscous"),
-    "temperature": ("leakage", "bulk_modulus", "shaft_viscous", "plunger_viscous"),
-    "fluid": ("bulk_modulus",),
-    "air": ("free_air",),
-    "feed": ("feed_pressure",),
-    "port": ("port_closing_lift",),
-    "dead_volume": ("dead_volume",),
-    "valve_opening": ("valve_opening",),
-    "valve": ("retraction_volume", "valve_damping", "seat_gain", "valve_area"),
-    "shaft": ("shaft_compliance", "shaft_resonance", "shaft_damping_ratio"),
-    "coupling": ("coupling_compliance", "coupling_resonance", "coupling_damping"),
-    "drive": ("drive_admittance", "drive_bandwidth"),
-}
-"""Event -> parameters that it moves."""
-ALWAYS = tuple(name for name in OWN_NAMES if not any(name in members for members in CHANGES.values()))
-"""Parameters that always differ and tell of no event."""
-USUAL = ("leakage", "trigger", "spring", "friction", "damping", "temperature")
-PRIOR, PRIOR_RARE = 0.10, 0.02
-"""Probability of one change before the data, usual ones and others."""
 TOLD = 0.90
 """Probability from which a change is told."""
-STEPS_OF_CHANGE = 4.0
-"""Standard deviation of a plausible change, in steps that matter (`ParameterRow.step`)."""
 MOST_CHANGES = 3
 EXTENDED, WORTH = 3, 8.0
 """Sets of each size that get another event, and how far below the best its linearised two ln evidence may be."""
 OTHERS = 2
 """Other events that may have happened beside the one whose smallest visible change is asked for."""
-TEMPERATURE_STD = 10.0
 ALONE_ITERATIONS, START_ITERATIONS, ITERATIONS = 20, 8, 20
 RULED_OUT = 50.0
 """A set whose objective is so many times the least one is left where it is: its probability is nothing."""
@@ -137,39 +109,6 @@ class EventSetMinimum:
     state: PairState
     covariance: Array
     two_ln_evidence: float
-
-
-def may_differ(pair: TwoRecordings) -> tuple[str, ...]:
-    """Return the parameters that may differ: own ones first."""
-    wanted = dict.fromkeys(name for members in CHANGES.values() for name in members)
-    return tuple(dict.fromkeys((*pair.own, *(name for name in wanted if name in pair.names))))
-
-
-def basis_of(pair: TwoRecordings, values: Array, groups: Sequence[str]) -> Basis:
-    """Return the directions of a set of events at values of the free parameters, (k,) [SI]; own ones first."""
-    labels: list[tuple[str, str]] = [("", name) for name in pair.own]
-    columns = [pair.own[name] * _unit(pair, name) for name in pair.own]
-    for group in groups:
-        if group == "temperature":
-            labels.append((group, ""))
-            columns.append(temperature(pair.names, values) * TEMPERATURE_STD)
-            continue
-        for name in CHANGES[group]:
-            if name in pair.names:
-                labels.append((group, name))
-                columns.append(STEPS_OF_CHANGE * pair.items[0].rows[name].step * _unit(pair, name))
-    return Basis(tuple(labels), np.array(columns).T.reshape(len(pair.names), -1))
-
-
-def _unit(pair: TwoRecordings, name: str) -> Array:
-    return np.eye(len(pair.names))[pair.names.index(name)]
-
-
-def temperature(names: Sequence[str], values: Array) -> Array:
-    """Return what one kelvin does to each parameter, (k,) [SI/K]: thinner fluid, softer fluid."""
-    viscosity, modulus = shares_per_kelvin()
-    thinner = {"leakage": -viscosity, "bulk_modulus": modulus, "shaft_viscous": viscosity, "plunger_viscous": viscosity}
-    return np.array([thinner.get(name, 0.0) for name in names]) * values
 
 
 def marginal(matrix: Array, vector: Array, k: int) -> tuple[Array, Array]:
@@ -342,9 +281,3 @@ def mixture(hypotheses: Sequence[EventSetPosterior], evidence: Array) -> tuple[t
     mean = np.sum([w * item.mean for w, item in kept], axis=0)
     parts = [w * (item.covariance + np.outer(item.mean - mean, item.mean - mean)) for w, item in kept]
     return tuple(weight.tolist()), np.asarray(mean), np.asarray(np.sum(parts, axis=0))
-
-
-def two_ln_odds(groups: Sequence[str]) -> float:
-    """Return twice the logarithm of the prior odds of a set of groups."""
-    prior = [PRIOR if group in USUAL else PRIOR_RARE for group in groups]
-    return 2.0 * float(sum(np.log(p / (1.0 - p)) for p in prior))

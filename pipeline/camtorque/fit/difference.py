@@ -15,11 +15,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
+from camtorque.fit.gains import GAINS
 from camtorque.fit.pair import TwoRecordings, at_angle
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.uncertainty import LEAST_FREEDOM
 from camtorque.laws.chain import ChainOutput, coefficients_of, derivative_by, evaluate
 from camtorque.records import Array, ReadOnly
+
+GAIN_STEP = 3.0e-3
+"""Gain over which a derivative is taken: under a much smaller one of the pressure steps of the valve would count."""
 
 
 @dataclass(frozen=True)
@@ -64,22 +68,38 @@ def evaluated(pair: TwoRecordings, before: Array, basis: Basis, moved: Array) ->
     """Return both recordings at values of the first, (k,) [SI], and a way of the second along a basis, (m,)."""
     after = np.clip(before + basis.columns @ moved, *pair.bounds)
     residuals, jacobians, outputs = [], [], []
-    for item, z in zip(pair.items, (before, after), strict=True):
-        values = pair.values(z)
+    known = [name for name in pair.names if name not in GAINS]
+    for side, z in enumerate((before, after)):
+        chain, values = pair.sensed(side, z)
         linear = coefficients_of(values)
-        output = evaluate(item.chain, values, linear, tangents=True)
-        residuals.append(item.torque - output.torque - output.linear @ linear)
-        jacobians.append(derivative_by(output, pair.names))
+        output = evaluate(chain, values, linear, tangents=True)
+        residuals.append(pair.items[side].torque - output.torque - output.linear @ linear)
+        # what gains do is asked for where one is followed: `linearised`
+        jacobians.append(np.pad(derivative_by(output, known), ((0, 0), (0, len(pair.names) - len(known)))))
         outputs.append(output)
     # what the laws leave stays where it is on the cam, whatever trigger and delay make of the measured angle
-    by = by_angle(pair)
     together = np.column_stack([residuals[1], jacobians[1]])
-    together = at_angle(together, float(by @ (after - before)) + turn_of_tooth(pair, outputs[0]))
+    together = at_angle(together, _turn(pair, before, after, outputs[0]))
     residuals[1], jacobians[1] = together[:, 0], together[:, 1:]
-    turned = -np.outer(angle_slope(residuals[1]), by)
+    turned = -np.outer(angle_slope(residuals[1]), by_angle(pair))
     return PairState(
         before, after, basis, moved, tuple(residuals), tuple(jacobians), turned, tuple(outputs)  # type: ignore[arg-type]
     )  # fmt: skip
+
+
+def by_gain(pair: TwoRecordings, state: PairState, name: str) -> Array:
+    """Return the derivative of the second torque by the gain of a sensor, (BINS,) [N m], turned as its residual is."""
+    moved = state.after.copy()
+    moved[pair.names.index(name)] += GAIN_STEP
+    chain, values = pair.sensed(1, moved)
+    here, there, linear = state.outputs[1], evaluate(chain, values), coefficients_of(values)
+    step = there.torque - here.torque + (there.linear - here.linear) @ linear
+    return at_angle(step / GAIN_STEP, _turn(pair, state.before, state.after, state.outputs[0]))
+
+
+def _turn(pair: TwoRecordings, before: Array, after: Array, output: ChainOutput) -> float:
+    """Return by how much later the second recording has to be read; ``output`` is that of the first [rad]."""
+    return float(by_angle(pair) @ (after - before)) + turn_of_tooth(pair, output)
 
 
 def by_angle(pair: TwoRecordings) -> Array:
@@ -122,7 +142,10 @@ def linearised(pair: TwoRecordings, state: PairState, columns: Array) -> tuple[A
     -------
     (2 BINS, k + m) by common values [1/SI], then by the directions; (2 BINS,) at the state
     """
-    one, two = state.jacobians
+    one, two = state.jacobians[0], state.jacobians[1].copy()
+    for place, name in enumerate(pair.names):
+        if name in GAINS and columns[place].any():
+            two[:, place] = by_gain(pair, state, name)
     way = (two + state.turned) @ columns
     first = np.column_stack([0.5 * (one + two), 0.5 * way, 0.5 * (state.residuals[0] + state.residuals[1])])
     second = np.column_stack([two - one, way, state.residuals[1] - state.residuals[0]])

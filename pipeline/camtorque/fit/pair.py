@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from camtorque.fit.gains import GAIN_ROWS, GAINS
 from camtorque.fit.minima import Candidate
 from camtorque.fit.prepare import INDEPENDENT, cam_swing, over_even_angle
 from camtorque.fit.problem import FitData
@@ -22,7 +23,7 @@ from camtorque.fit.single import Prepared
 from camtorque.fit.solver import lift_at
 from camtorque.ingest.stated import other_triggers, stated
 from camtorque.laws import ripple
-from camtorque.laws.chain import BINS, COLUMN_NAMES, binned, coefficients_of, derivative_by, evaluate
+from camtorque.laws.chain import BINS, COLUMN_NAMES, ChainInput, binned, coefficients_of, derivative_by, evaluate
 from camtorque.laws.swing import Swing
 from camtorque.process.second_process import in_two
 from camtorque.records import Array, CamCycles, ReadOnly
@@ -71,7 +72,7 @@ class TwoRecordings(ReadOnly):
     ----------
     items : both as the fit sees them, means of all used cycles
     cycles : of both
-    names : free parameters
+    names : free parameters, last the gains of the sensors, in which the second alone may be off (`GAINS`)
     fixed : values of the others
     mean_root, difference_root : (BINS, BINS) lower Cholesky factors of the covariances [N m]
     expected : chi-square of the difference that these covariances lead to expect where nothing is fitted
@@ -139,6 +140,15 @@ class TwoRecordings(ReadOnly):
         """Return every parameter of the chain at values of the free ones, (k,) [SI]."""
         return {**self.fixed, **dict(zip(self.names, free.tolist(), strict=True))}
 
+    def sensed(self, side: int, free: Array) -> tuple[ChainInput, dict[str, float]]:
+        """Return chain and values of one recording under the gains of its sensors, which move pressure and twist."""
+        values, chain = self.values(free), self.items[side].chain
+        torque, pressure = (1.0 + values.get(name, 0.0) for name in GAINS)
+        if side == 0 or torque == pressure == 1.0:
+            return chain, values  # a chain that is made anew works its twist out again
+        chain = replace(chain, shaft_torque=chain.shaft_torque / torque, line_pressure=chain.line_pressure / pressure)
+        return chain, {**values, "gain_error": (1.0 + values["gain_error"]) * torque - 1.0}
+
 
 def best_pair(before: Prepared, after: Prepared) -> TwoRecordings:
     """Return two recordings in that minimum of the first which makes their difference most likely.
@@ -164,9 +174,9 @@ def pair_of(before: Prepared, after: Prepared, start: Candidate) -> TwoRecording
     angle = angle_between(*(over_even_angle(_mean_torque(side), _swing(side)) for side in (before, after)))
     items = _item(before, start.data, lost), _item(after, start.data, at_angle(lost, angle))
     problem = start.problem
-    names = tuple(parameter.row.name for parameter in problem.parameters)
+    names = (*(item.row.name for item in problem.parameters), *GAINS)
     values, coefficients = problem.values(start.solution.z, 0)
-    fixed = {**values, **dict(zip(COLUMN_NAMES, coefficients, strict=True))}
+    fixed = {**values, **dict(zip(COLUMN_NAMES, coefficients, strict=True)), **dict.fromkeys(GAINS, 0.0)}
     none, other = np.eye(BINS), other_triggers(stated(side.recording) for side in (before, after))
     return TwoRecordings(
         items, (before.cycles, after.cycles), names, fixed, none, none, 0.0, other,  # type: ignore[arg-type]
@@ -252,7 +262,7 @@ def _item(side: Prepared, data: FitData, lost: Array) -> FitData:
         data.chain, speed=cycles.mean_speed, line_pressure=pressure, shaft_torque=torque + lost, swing=swing,
         trigger_angle=side.recording.config.trigger.nominal_angle,
     )  # fmt: skip
-    rows = {**data.rows, **own_rows(side.recording, cycles)}
+    rows = {**data.rows, **own_rows(side.recording, cycles), **GAIN_ROWS}
     return replace(data, name=side.recording.config.id, chain=chain, torque=binned(torque), rows=rows)
 
 

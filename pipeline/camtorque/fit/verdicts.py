@@ -12,17 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camtorque.fit.changes import (
-    ALWAYS,
-    CHANGES,
-    TOLD,
-    Attribution,
-    EventSetPosterior,
-    basis_of,
-    mixture,
-    two_ln_odds,
-)
+from camtorque.fit.changes import TOLD, Attribution, EventSetPosterior, mixture
 from camtorque.fit.derived import work_at
+from camtorque.fit.events import ALWAYS, CHANGES, basis_of, two_ln_odds
+from camtorque.fit.gains import GAINS
 from camtorque.fit.pair import TwoRecordings
 from camtorque.laws import GROUPS
 from camtorque.laws.chain import coefficients_of
@@ -86,6 +79,12 @@ def verdict(told: bool, free: tuple[float, float], matters: float) -> str:
     mean, std = free
     smallest = SEEN * std
     return "not changed" if smallest <= matters and abs(mean) + SURE * std <= smallest else "cannot tell"
+
+
+def of_a_gain(rows: Sequence[Difference]) -> tuple[Difference, ...]:
+    """Return differences of which none names a part of the pump: the torque is another one times a factor."""
+    hidden = [row.verdict == "changed" and row.name not in GAINS for row in rows]
+    return tuple(replace(row, verdict="cannot tell") if one else row for row, one in zip(rows, hidden, strict=True))
 
 
 def whole_verdict(rows: Sequence[Difference], found: Attribution) -> str:
@@ -184,8 +183,8 @@ def _alone(found: Attribution, name: str) -> bool:
 
 def works(pair: TwoRecordings, values: Array, side: int) -> dict[str, float]:
     """Return the work of each loss of one recording at values of the free parameters, (k,) [J per revolution]."""
-    full = pair.values(values)
-    return work_at(pair.items[side].chain, full, coefficients_of(full))
+    chain, full = pair.sensed(side, values)
+    return work_at(chain, full, coefficients_of(full))
 
 
 def loss_differences(pair: TwoRecordings, found: Attribution) -> tuple[Difference, ...]:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from camtorque.fit.changes import TOLD
+from camtorque.fit.gains import PRESSURE_GAIN, TORQUE_GAIN
 from camtorque.fit.pair import has_other_load
 from camtorque.fit.verdicts import HINTS
 from camtorque.ingest.stated import TRIGGER
@@ -40,8 +41,12 @@ EVENTS: dict[str, str] = {
     "shaft": "stiffness or damping of the shaft",
     "coupling": "stiffness or damping of the coupling",
     "drive": "inertia or control of the drive",
+    "torque_gain": "gain of the torque transducer (amplifier, range, scaling)",
+    "pressure_gain": "gain of the pressure sensor (amplifier, range, scaling)",
 }
 """Event -> its name for somebody at the rig."""
+SENSORS = {TORQUE_GAIN: "torque transducer", PRESSURE_GAIN: "pressure sensor"}
+"""Gain -> the sensor whose it is."""
 UNEXPLAINED_DIFFERENCE = 2.0
 """Inflation of the difference above which events leave more than the recordings allow."""
 FACTOR = "×/÷"
@@ -105,17 +110,38 @@ def compare_answer(document: Mapping[str, Any]) -> str:
     """Return the verdict in words: what changed, by how much, how sure."""
     rows = {**document["parameters"], **document["losses"]}
     named = [f"{words(name)} {_difference(rows[name])}" for name in document["changed"] if name in rows]
+    sensor = sensor_caution(document)
+    told = ", ".join(named) or ("" if sensor else _unnamed(document))
     torque = document["torque"]
     repeat = f"; odd and even cycles of one recording differ by {significant(torque['odd_even_rms_nm'], 2)} N m"
     text = {
-        "changed": f"{', '.join(named) or _unnamed(document)}.",
+        "changed": f"{told}." if told else "",
         "not changed": "no loss and no parameter moved by more than the smallest change that would have been seen.",
         "cannot tell": "no change of the pump is established; load, end of delivery and zero are each recording's own.",
     }[document["verdict"]]
+    first = " ".join(filter(None, (text, sensor)))
     return (
-        f"{text} The mean torque differs by {significant(torque['rms_difference_nm'], 2)} N m RMS, "
+        f"{first} The mean torque differs by {significant(torque['rms_difference_nm'], 2)} N m RMS, "
         f"{significant(torque['max_difference_nm'], 2)} N m at most"
         f"{repeat if torque['odd_even_rms_nm'] is not None else ''}."
+    )
+
+
+def sensor_caution(document: Mapping[str, Any]) -> str:
+    """Return what stands first where a sensor's gain moved, which no pump does; empty elsewhere."""
+    ratio = document.get("torque", {}).get("ratio")
+    if ratio is not None:
+        return (
+            f"The torque after is {significant(ratio, 3)} times that before all around the revolution, at about the "
+            "same line pressure: no pump changes so, and no part of it is named; check the torque transducer, its "
+            "amplifier, range and certificate first."
+        )
+    moved = [sensor for gain, sensor in SENSORS.items() if gain in document.get("changed", ())]
+    if not moved:
+        return ""
+    return (
+        f"A gain is no part of the pump: check the {in_a_row(moved)} first, with amplifier, range, scaling and "
+        "certificate."
     )
 
 
@@ -131,7 +157,7 @@ def _unnamed(document: Mapping[str, Any]) -> str:
         return f"something that no event on the list stands for; those that come nearest: {events}"
     if sure:
         return f"{', '.join(sure)}; which number of it, and by how much, the data cannot tell"
-    return f"something of the pump, but the data cannot tell what: {events}"
+    return f"something, but the data cannot tell what: {events}"
 
 
 def _left(document: Mapping[str, Any]) -> float:
@@ -140,7 +166,7 @@ def _left(document: Mapping[str, Any]) -> float:
 
 
 def compare_cautions(document: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return why the verdicts are to be taken with care: a gain that changed, events that leave much over."""
+    """Return why the verdicts are to be taken with care: sheets and loads that differ, events that leave much over."""
     sheets = document.get("sheets_differ", ())
     found = [
         f"{text}: both sides are read by their own sheets, so that a wrong one comes out as a change of the pump; "
@@ -152,18 +178,12 @@ def compare_cautions(document: Mapping[str, Any]) -> tuple[str, ...]:
             f"{triggers}: each side has its own error of the trigger's angle, and a trigger that was moved cannot be "
             "told; correct a wrong one; where both are right, leave them"
         )
-    ratio = document.get("torque", {}).get("ratio")
-    if ratio is not None:
-        found.append(
-            f"The torque after is {significant(ratio, 3)} times that before all around the revolution, at about the "
-            "same line pressure: no pump changes so; check the torque transducer, its range and its certificate first."
-        )
     far = max(document.get("pressure_peak_ratio", ()), key=lambda value: abs(np.log(value)), default=1.0)
     if has_other_load(far):
         found.append(
-            f"The highest pressure after is {significant(far, 4)} times that before: another load, or a pump that "
-            "makes another pressure. What the laws get wrong cancels at one load only, and changes that it may stand "
-            "for are not told; record both at the same load."
+            f"The highest pressure after is {significant(far, 4)} times that before: another load, a pump that makes "
+            "another pressure, or another gain of the pressure sensor. What the laws get wrong cancels at one load "
+            "only, and changes that it may stand for are not told; record both at the same load."
         )
     left = _left(document)
     much = f"{significant(left, 2)} times what these recordings allow. Something else changed, or a sensor did"
