@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from camtorque.config import ChannelSpec, LoggerSpec, RecordingConfig, SensorRef, TriggerSpec
 from camtorque.config.pump import PumpConfig
 from camtorque.config.quantities import CHANNEL_QUANTITIES
-from camtorque.config.recording import chamber_findings
+from camtorque.config.recording import place_findings
 from camtorque.config.schemas import CAM_SPEED, SENSOR_DELAY, SWITCH_DELAY
 from camtorque.ingest.plausibility import check_loads
 from camtorque.ingest.pump_file import read_pump
@@ -121,7 +121,7 @@ def recording_from_arrays(
     of_recording = _config(config, channels, mark, name, sensors)
     findings = (
         *notes,
-        *chamber_findings(of_recording),
+        *place_findings(of_recording),
         *(_assumed(channel) for channel in channels if channel.quantity not in sensors and channel.calibration),
         *(finding for channel in channels for finding in _left_open(channel, sensors.get(channel.quantity))),
     )

@@ -94,6 +94,13 @@ def test_a_sensor_of_arrays_says_that_it_sits_in_the_chamber(pump_file: Path, ar
     assert found.config.measures_chamber
     assert "pressure_in_chamber" in {row.code for row in found.findings}
     assert not recording(pump_file, arrays).config.measures_chamber
+    for place, far in (("high-pressure line, 174 mm from the pump end", True), ("line, 12 cm behind the pump", True),
+                       ("line, 0,3 m downstream", True), ("line, 40 mm from the pump", False), ("pump end", False),
+                       ("line of 2 mm bore, 300 mm long", False), ("plunger chamber, 80 mm up", False)):  # fmt: skip
+        along = recording(pump_file, arrays, sensors={**KNOWN, "pressure": replace(inside, location=place)})
+        told = [row for row in along.findings if row.code == "pressure_along_line"]
+        assert bool(told) == far, place
+        assert all("mm of line lie before the sensor, expected 50 mm or less" in row.text for row in told)
     with pytest.raises(camtorque.Refusal, match=r"Sensor location: found 3, expected words such as 'plunger chamber'"):
         camtorque.Sensor(location=3)  # type: ignore[arg-type]
 

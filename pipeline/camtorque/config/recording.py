@@ -31,6 +31,8 @@ from camtorque.units import BORDER_UNITS, did_you_mean, first_of, tidy_unit, uni
 ONLY_LOGGER = LoggerSpec("logger", "single")
 """Where recording.toml names no logger."""
 CHANNELS_AT_MOST = 64
+FAR_ALONG = 0.05
+"""Length of line before a pressure sensor above which it is told [m]: the oil of 40 mm moves as one in the model."""
 PER_LOGGER = ("trigger", "index", "encoder_a", "encoder_b", "angle")
 """Quantities that every logger may record, to tie its clock to the others."""
 
@@ -77,7 +79,7 @@ def load_recording_config(path: Path) -> RecordingConfig:
         drive=DriveSpec(**single["drive"]),
     )
     _check_roles(config)
-    return replace(config, findings=(*config.findings, *_one_file_two_clocks(config), *chamber_findings(config)))
+    return replace(config, findings=(*config.findings, *_one_file_two_clocks(config), *place_findings(config)))
 
 
 def _near(path: Path) -> str:
@@ -186,12 +188,22 @@ def _one_file_two_clocks(config: RecordingConfig) -> list[Finding]:
     return found
 
 
-def chamber_findings(config: RecordingConfig) -> tuple[Finding, ...]:
-    """Return a note where the location of the pressure sensor says that it measures the pressure on the plunger."""
+def place_findings(config: RecordingConfig) -> tuple[Finding, ...]:
+    """Return what the location of the pressure sensor means: the plunger's pressure, or one far along the line."""
+    sensor = config.sensors.get("pressure")
+    if sensor is None:
+        return ()
+    if sensor.distance is not None and sensor.distance > FAR_ALONG:
+        text = (
+            f"location {sensor.location!r} says that {1e3 * sensor.distance:.0f} mm of line lie before the sensor, "
+            f"expected {1e3 * FAR_ALONG:.0f} mm or less: waves up to there are not in the model, trigger angle and "
+            "chamber pressure may be off by more than is stated; put the sensor at the pump's end of the line"
+        )
+        return (Finding("pressure_along_line", "warning", text, f"{config.path.name} [sensors.pressure]"),)
     if not config.measures_chamber:
         return ()
     text = (
-        f"location {config.sensors['pressure'].location!r} says that the pressure is that on the plunger: it is taken "
+        f"location {sensor.location!r} says that the pressure is that on the plunger: it is taken "
         "as it is, no chamber and no delivery valve are fitted; name the line where the sensor sits there"
     )
     return (Finding("pressure_in_chamber", "info", text, f"{config.path.name} [sensors.pressure]"),)

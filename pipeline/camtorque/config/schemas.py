@@ -167,7 +167,8 @@ SHEET = TableSchema("[sensor]", "the sheet of a sensor", (
 SENSOR = TableSchema("[sensors.*]", "a sensor: its sheet by `calibration`, or the sheet's keys right here", (
     Key("serial", "text", "serial number", default=""),
     Key("calibration", "path", "sheet of the sensor", default=None, attribute="calibration_path"),
-    Key("location", "text", "where it sits; a pressure sensor in the `chamber` measures what acts on the plunger",
+    Key("location", "text", "where it sits: a pressure sensor in the `chamber` measures what acts on the plunger; one "
+        "more than `50 mm` along the line is told, which the model does not hold",
         default=""),
     Key("zero_before_V", "number", "reading at standstill before the run", "V", None, Band(-15.0, 15.0, SENSE),
         attribute="zero_before_volts"),

@@ -26,6 +26,9 @@ ELSEWHERE = re.compile(
 )
 """Words of a sensor's location by which it sits in the plunger's chamber, and by which it does not: other things than
 a pump have chambers, too."""
+LENGTH = re.compile(r"(\d+(?:[.,]\d+)?) ?(mm|cm|m)\b")
+"""A length in a sensor's location: how far along the line it sits."""
+METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
 
 @dataclass(frozen=True)
@@ -112,6 +115,15 @@ class SensorRef:
     def is_in_chamber(self) -> bool:
         """Whether the recording says that it sits in the plunger's chamber, and not in a line from there."""
         return bool(IN_CHAMBER.search(self.location)) and not ELSEWHERE.search(self.location)
+
+    @property
+    def distance(self) -> float | None:
+        """How far along the line it sits, where its location holds one length [m]."""
+        lengths = LENGTH.findall(self.location)
+        if len(lengths) != 1 or self.is_in_chamber:
+            return None
+        number, unit = lengths[0]
+        return float(number.replace(",", ".")) * METRES[unit]
 
 
 @dataclass(frozen=True)

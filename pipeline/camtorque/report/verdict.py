@@ -41,6 +41,7 @@ DOUBTFUL = {
     "csv_cut_row": "a log that may be cut short",
     "mains_hum": "mains hum that stays in the mean torque",
     "no_load_friction": "a pump in which nothing rubs under load",
+    "pressure_along_line": "a pressure that is measured far along the line",
     "not_converged": "a search that ended before its minimum",
 }
 """Warning on what a fit rests on -> how the headline names it; an error is named by its code."""
