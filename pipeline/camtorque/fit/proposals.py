@@ -7,7 +7,9 @@ far these are off where they disagree on the twist.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -18,22 +20,28 @@ from camtorque.fit.planning import (
     TOOTH,
     Measuring,
     Offer,
+    OperatingPoint,
     TargetQuantity,
     information,
     known_beside,
     operating_point,
     tooth_shifts,
 )
+from camtorque.fit.problem import FitData
 from camtorque.fit.single import Fit, shift_variance
 from camtorque.fit.teeth import PLACE_STD
 from camtorque.fit.uncertainty import inverse
+from camtorque.process.second_process import in_two
 from camtorque.records import Array, Refusal
+from camtorque.units import RPM
 
 SPEED_FACTORS = (0.6, 1.6)
 LASTS = 20.0
 """Duration of a proposed run [s]."""
 WORTH = 0.85
 """A proposal is told when it brings a standard uncertainty below this share of today's."""
+Draws = Sequence[Array]
+"""Values (k,) [SI] at which a run is looked at beside those of the fit."""
 OUTCOMES = ("trigger_offset", "dead_volume", "leakage", "bearing_arm", "shaft_compliance", "shaft_viscous")
 
 
@@ -73,22 +81,35 @@ def at_other_speeds(fit: Fit, measuring: Measuring, seconds: float) -> list[tupl
     data, names = fit.problem.data[0], fit.problem.names
     source = FittedAt(data.name, data.chain.speed, data.structure, 0.0, False)
     known = KnownFit(names, fit.solution.z, ArrowCovariance.whole(fit.deviation), (source,))
+    draws = tuple(drawn_about(known, fit.deviation))
+    followed = partial(_followed, known, data, measuring)
+    places: list[tuple[float, Draws]] = [(1.0, ()), *((factor, draws) for factor in SPEED_FACTORS)]
+    own, *others = in_two(followed, places)
+    if own is None:
+        return []
     lasting = shift_variance({name: fit.shifts[name] for name in STATED_OF_ALL if name in fit.shifts}, len(names))
+    before = known_beside(known, [Offer(own, seconds, False)], (), 2)
     result = []
-    for factor in SPEED_FACTORS:
-        chain = replace(data.chain, speed=data.chain.speed * factor)
-        try:
-            own, there = (
-                operating_point(known, at, source, data.name, measuring, data.lift_basis, drawn)
-                for at, drawn in ((data.chain, ()), (chain, tuple(drawn_about(known, fit.deviation))))
-            )
-        except Refusal:
-            continue  # the torque runs away there
-        told = information(Offer(there, LASTS, False), 2)
-        joint = inverse(known_beside(known, [Offer(own, seconds, False)], (), 2) + told)
+    for factor, there in zip(SPEED_FACTORS, others, strict=True):
+        if there is None:
+            continue
+        joint = inverse(before + information(Offer(there, LASTS, False), 2))
         after = np.array([
             TargetQuantity(unit, float(np.sqrt(lasting[k]))).expected(joint, apart=True)
             for k, unit in enumerate(np.eye(len(names)))
         ])  # fmt: skip
-        result.append((f"the same load at {chain.speed * 30.0 / np.pi:.0f} rpm, fitted jointly,", after))
+        rpm = factor * data.chain.speed / RPM
+        result.append((f"the same load at {rpm:.0f} rpm, fitted jointly,", after))
     return result
+
+
+def _followed(
+    known: KnownFit, data: FitData, measuring: Measuring, place: tuple[float, Draws]
+) -> OperatingPoint | None:
+    """Return a recording's load at a factor of its speed, None where the torque runs away there."""
+    factor, draws = place
+    chain = replace(data.chain, speed=data.chain.speed * factor)
+    try:
+        return operating_point(known, chain, known.recordings[0], data.name, measuring, data.lift_basis, draws)
+    except Refusal:
+        return None
