@@ -301,10 +301,9 @@ def test_only_an_earlier_report_is_replaced(tmp_path: Path) -> None:
 def test_gap_by_cause_sums_to_measured_minus_rigid(written: Path) -> None:
     doc = read_json(written / "result.json")
     gap, result = doc["gap_by_cause"], run_result()
-    forward, fall, _ = parts_of_gap(result.rigid, result.cycles.mean_torque)
+    forward, fall, lowest = parts_of_gap(result.rigid, result.cycles.mean_torque)
     with h5py.File(written / "cycles.h5") as file:
         distance = file["mean/torque"][:] - file["model/rigid"][:]
-        lowest = np.flatnonzero(fall)[np.argmin(file["mean/torque"][:][fall])]
     # sums of a few curves of some 10 N m: rounding stays below 1e-12 N m
     for key, value in (("forward_nm", distance[forward].mean()), ("return_stroke_nm", distance[fall].mean()),
                        ("return_minimum_nm", distance[lowest])):  # fmt: skip

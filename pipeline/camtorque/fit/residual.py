@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from camtorque.fit.prepare import MeanCycles
-from camtorque.fit.problem import FitData, Problem
+from camtorque.fit.problem import FitData, Indices, Problem
 from camtorque.fit.solver import Solution
 from camtorque.fit.uncertainty import Covariance, inverse
 from camtorque.laws.chain import BINS, derivative_by
@@ -26,9 +26,9 @@ BUMP_WINDOW_DEG = 3.0
 MOST_BUMPS = 4
 LEAST_SWINGS, RINGING_SHARE, RINGING_WIDTH = 5, 0.5, 12
 """A bump rings where so many swings at least, within so many quarters of a line of the spectrum, hold this share."""
-LEAST_REACH, LEAST_PLACES = 3.0 * DEGREE, 5
-"""Angle to either side over which slope and curvature of a minimum are taken, and places to either side that tell how
-much the slope scatters."""
+LEAST_REACH, LEAST_CURVED, LEAST_PLACES = 3.0 * DEGREE, 3, 5
+"""Angle to either side over which the slope at a minimum is taken, how many times as far its curvature, and places to
+either side that tell how much the slope scatters."""
 STROKE = (0.05, 0.95)
 """Shares of the lift between which a stroke counts."""
 
@@ -164,22 +164,35 @@ def loaded_part(rigid: Array, lift: Array, velocity: Array) -> tuple[Mask, Mask]
 
 
 def parts_of_gap(rigid: RigidTorque, measured: Array) -> tuple[Mask, Mask, int]:
-    """Return both of `loaded_part`, and where the measured torque (n_theta,) is least on the return stroke."""
+    """Return both of `loaded_part`, and where the measured torque (n_theta,) is least on the return stroke.
+
+    It is least as its mean over `LEAST_REACH` to either side is, weighed by a parabola: which sample of a flat minimum
+    is the lowest is noise.
+    """
     forward, fall = loaded_part(rigid.torque, rigid.lift, rigid.lift_velocity)
-    return forward, fall, int(np.flatnonzero(fall)[np.argmin(measured[fall])])
+    apart = _apart(measured.size)
+    near = np.flatnonzero(fall)[:, None] + apart
+    smooth = np.take(measured, near, mode="wrap") @ (1.0 - (apart / (apart[-1] + 1.0)) ** 2)
+    return forward, fall, int(np.flatnonzero(fall)[np.argmin(smooth)])
+
+
+def _apart(n_theta: int) -> Indices:
+    """Return the places within `LEAST_REACH` of one, from it."""
+    reach = max(round(LEAST_REACH * n_theta / TURN), 1)
+    return np.arange(-reach, reach + 1)
 
 
 def least_place_std(means: MeanCycles, lowest: int) -> float:
-    """Return how far noise moves the place at which the mean torque is least [rad].
+    """Return how far noise moves the place at which the mean torque is least [rad], as `parts_of_gap` finds it.
 
-    A minimum lies where the slope is none: the slope of what both halves of the cycles differ in, over the curvature.
+    It lies where the slope of a straight line through its surroundings is none: that slope of what both halves of the
+    cycles differ in, over the curvature.
     """
-    step = TURN / means.torque_all.size
-    reach = max(round(LEAST_REACH / step), 1)
-    apart = np.arange(-reach, reach + 1)
-    curvature = 2.0 * np.polyfit(step * apart, np.take(means.torque_all, lowest + apart, mode="wrap"), 2)[0]
+    step, apart = TURN / means.torque_all.size, _apart(means.torque_all.size)
+    wide = np.arange(LEAST_CURVED * apart[0], LEAST_CURVED * apart[-1] + 1)
+    curvature = 2.0 * np.polyfit(step * wide, np.take(means.torque_all, lowest + wide, mode="wrap"), 2)[0]
     half = 0.5 * (means.torque - means.held_torque)
-    around = lowest + reach * np.arange(-LEAST_PLACES, LEAST_PLACES + 1)[:, None] + apart
+    around = lowest + apart[-1] * np.arange(-LEAST_PLACES, LEAST_PLACES + 1)[:, None] + apart
     slopes = np.take(half, around, mode="wrap") @ apart / (step * np.sum(apart**2))
     noise = float(np.sqrt(np.mean(slopes**2)))
     return min(noise / curvature, LEAST_REACH) if curvature > 0.0 else LEAST_REACH
