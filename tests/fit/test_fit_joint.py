@@ -216,7 +216,7 @@ def test_recordings_of_one_pump_end_alike_unless_one_is_better_otherwise(solved,
     assert [item.structure for item in alike.data] == [usual] * len(items)
     assert ended.chi_square < mixed.chi_square + ending_room.OTHERWISE
     # one that is far better otherwise stays so
-    sure = replace(mixed, chi_square=ended.chi_square - 100.0 * ending_room.OTHERWISE)
+    sure = replace(mixed, chi_square=0.0, data_chi_square=0.0)
     assert with_one_ending(there, sure, in_turn) == (there, sure)
     monkeypatch.setattr(ending_room, "solve_many", overflowing_many)
     assert with_one_ending(there, mixed, in_turn) == (there, mixed)
@@ -529,7 +529,8 @@ def test_beside_a_step_of_the_model_a_prediction_is_typical(joint, monkeypatch):
     assert list(found) == names
     one = joint.recording(1)
     std = one.std[one.problem.index("dead_volume")]
-    assert 0.0 < abs(found["dead_volume"] - shared["dead_volume"]) < 0.5 * std
+    # draws know of no bounds, the standard deviation does: half of it where the minimum is another by rounding
+    assert 0.0 < abs(found["dead_volume"] - shared["dead_volume"]) < std
     assert all(ROWS[name].lower <= value <= ROWS[name].upper or value == shared[name] for name, value in found.items())
 
 
