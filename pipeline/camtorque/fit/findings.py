@@ -7,9 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from camtorque.config import PumpData
 from camtorque.fit.descent import free_at, promised
 from camtorque.fit.minima import Candidate
 from camtorque.fit.problem import SEPARATOR, STRUCTURES
+from camtorque.fit.sheet_doubts import OF_PUMP, SheetDoubt
 from camtorque.fit.single import Fit
 from camtorque.laws.chain import ON_CAM
 from camtorque.mechanism.smoothing import table_error
@@ -148,6 +150,27 @@ def table_findings(table: CamTable) -> tuple[Finding, ...]:
         "it is smoothed by its scatter"
     )
     return (Finding("lift_scatter", "info", text),)
+
+
+def sheet_findings(doubts: Sequence[SheetDoubt], pump: PumpData) -> tuple[Finding, ...]:
+    """Return the finding on what torque and pressure would have otherwise than stated, the likeliest first."""
+    if not doubts:
+        return ()
+    asked_for = ", or nearly as well for ".join(_otherwise(doubt, pump) for doubt in doubts)
+    text = (
+        f"torque and pressure contradict what is stated: they ask for {asked_for}. In the fit friction and delivery "
+        "valve make up for it: check that before chamber pressure and losses are relied on"
+    )
+    return (Finding("sheet_contradicted", "warning", text, doubts[0].quantity),)
+
+
+def _otherwise(doubt: SheetDoubt, pump: PumpData) -> str:
+    field = OF_PUMP.get(doubt.quantity)
+    if field is None:
+        return f"a {doubt.quantity} that is {doubt.factor:.2f} ± {doubt.std:.2f} times as large"
+    stated = getattr(pump, field)
+    asked, std = short(doubt.factor * stated), short(doubt.std * stated, 1)
+    return f"{doubt.quantity} = {asked} ± {std} in place of {short(stated)}"
 
 
 def fit_findings(fit: Fit, least_guide: float, lost: Mask, unexplained: float | None) -> tuple[Finding, ...]:

@@ -23,6 +23,7 @@ from camtorque.fit.findings import (
     light_cam_findings,
     mounting_findings,
     prior_findings,
+    sheet_findings,
     table_findings,
 )
 from camtorque.fit.planning import Measuring
@@ -124,7 +125,7 @@ def fitted_torque(
         findings=(
             *prior_findings(parameters), *mounting_findings(parameters), *implausible_findings(parameters, explained),
             *light_cam_findings(parameters, config.pump.cam_inertia), *frictionless_findings(parameters),
-            *table_findings(recording.cam_table),
+            *table_findings(recording.cam_table), *sheet_findings(fit.doubts, config.pump),
             *fit_findings(fit, fitted.output.least_guide, lost, None if explained else left),
         ),
         details={**_details(fit, recording, peak), "delivered_volume": delivered}, evidence=fit.evidence,

@@ -36,6 +36,7 @@ from camtorque.fit.prepare import INDEPENDENT, MeanCycles, fit_data, mean_cycles
 from camtorque.fit.problem import Problem, with_rows
 from camtorque.fit.residual import explains
 from camtorque.fit.search import DISSATISFYING, SearchState, search
+from camtorque.fit.sheet_doubts import SheetDoubt, sheet_doubts
 from camtorque.fit.solver import Minimum, Solution
 from camtorque.fit.uncertainty import (
     Covariance,
@@ -135,7 +136,8 @@ class Fit(FittedParameters):
     """Everything that the fit of a recording consists of.
 
     ``pressure_shifts`` are further deviations of the chamber pressure, (m, n) [Pa]; ``probabilities`` of the
-    candidates; ``measured`` the mean torque on the grid of the fit, (n,) [N m]; ``pressure_gain_std`` relative.
+    candidates; ``measured`` the mean torque on the grid of the fit, (n,) [N m]; ``pressure_gain_std`` relative;
+    ``doubts`` of what is stated.
     """
 
     solution: Solution
@@ -145,6 +147,7 @@ class Fit(FittedParameters):
     evidence: tuple[LossEvidence, ...]
     measured: Array
     pressure_gain_std: float
+    doubts: tuple[SheetDoubt, ...]
 
 
 def shift_variance(shifts: Mapping[str, Array], size: int) -> Array:
@@ -261,7 +264,7 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     shifts["gain of the pressure sensor"] = pressure_gain_shift(best, gain)[None]
     return Fit(
         problem, solution, cov, deviation, shifts, np.array(pressures), prepared.candidates, probabilities, evidence,
-        prepared.measured, gain,
+        prepared.measured, gain, sheet_doubts(best, cov.inflation),
     )  # fmt: skip
 
 

@@ -1,0 +1,76 @@
+"""What is stated wrongly is named by what torque and pressure would have in its place; sound sheets are not doubted."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import pytest
+from camtorque.config import PumpData
+from camtorque.fit.findings import sheet_findings
+from camtorque.fit.minima import Candidate, at_minimum
+from camtorque.fit.sheet_doubts import AS_WELL, OF_PUMP, QUANTITIES, SheetDoubt, sheet_doubts, two_ln_odds
+from camtorque.fit.uncertainty import covariance, narrowed
+from fit_cases import quick
+
+RUN = ("spill", 0, 1000.0)
+
+
+def doubts_of(item: Candidate) -> tuple[SheetDoubt, ...]:
+    cov = narrowed(covariance(item.problem, item.solution), item.solution)
+    return sheet_doubts(item, cov.inflation)
+
+
+@pytest.mark.parametrize("family", ["closed_volume", "spill", "plain", "foreign_leak", "foreign_hysteresis"])
+def test_sound_sheets_are_not_doubted(family: str):
+    assert doubts_of(quick((family, 0, 1000.0))) == ()
+
+
+@pytest.mark.parametrize(("family", "quantity", "wrong_by"), [
+    ("spill", "plunger_diameter_m", 1.15), ("spill", "plunger_diameter_m", 0.87),
+    ("spill", "spring_stiffness_N_per_m", 1.6), ("spill", "spring_preload_N", 0.5), ("spill", "follower_mass_kg", 2.0),
+    ("spill", "gain of the pressure", 1.3), ("spill", "gain of the torque", 1.2),
+    ("closed_volume", "lift of the cam", 1.15),
+])  # fmt: skip
+def test_a_wrong_sheet_is_named_with_its_size(family: str, quantity: str, wrong_by: float):
+    """Area, lift and both gains stand in for one another: the one that is wrong is told, first or beside another."""
+    wrong = at_minimum(QUANTITIES[quantity](quick((family, 0, 1000.0)).data, wrong_by))
+    found = doubts_of(wrong)
+    assert all(one.two_ln_odds > found[0].two_ln_odds - AS_WELL for one in found)
+    (mine,) = [one for one in found if one.quantity == quantity]
+    assert abs(mine.factor * wrong_by - 1.0) < 4.0 * mine.std * wrong_by + 0.03  # bounds and weights move with it
+
+
+def test_a_descent_that_runs_away_is_no_doubt(monkeypatch: pytest.MonkeyPatch):
+    from camtorque.fit import sheet_doubts as room
+
+    wrong = at_minimum(QUANTITIES["plunger_diameter_m"](quick(RUN).data, 1.15))
+    assert doubts_of(wrong)
+
+    def runs_away(*_: object) -> Candidate:
+        raise FloatingPointError
+
+    monkeypatch.setattr(room, "at_minimum", runs_away)
+    assert doubts_of(wrong) == ()
+
+
+def test_odds_go_with_gain_and_with_how_sharply_a_factor_is_known():
+    assert two_ln_odds(20.0, 0.05) - two_ln_odds(15.0, 0.05) == pytest.approx(5.0)
+    assert two_ln_odds(15.0, 0.1) > two_ln_odds(15.0, 0.01)
+    assert two_ln_odds(0.0, 0.3) < -7.0  # one sheet in fifty is wrong
+
+
+def test_quantities_of_the_pump_are_its_fields():
+    assert set(OF_PUMP.values()) <= {field.name for field in fields(PumpData)}
+    assert set(OF_PUMP) <= set(QUANTITIES)
+
+
+def test_the_finding_says_what_is_asked_for_and_what_is_stated():
+    pump = quick(RUN).data.chain.pump
+    (found,) = sheet_findings(
+        (SheetDoubt("plunger_diameter_m", 0.9, 0.01, 20.0), SheetDoubt("gain of the torque", 1.2, 0.03, 18.0)), pump
+    )
+    assert found.code == "sheet_contradicted"
+    assert found.severity == "warning"
+    assert f"plunger_diameter_m = {0.9 * pump.plunger_diameter:.3g}" in found.text
+    assert "a gain of the torque that is 1.20 ± 0.03 times as large" in found.text
+    assert sheet_findings((), pump) == ()
