@@ -11,7 +11,7 @@ from camtorque.config import PumpData
 from camtorque.fit.descent import free_at, promised
 from camtorque.fit.minima import Candidate
 from camtorque.fit.problem import SEPARATOR, STRUCTURES
-from camtorque.fit.sheet_doubts import OF_PUMP, SheetDoubt
+from camtorque.fit.sheet_doubts import OF_PUMP, SIZES, SheetDoubt
 from camtorque.fit.single import Fit
 from camtorque.laws.chain import ON_CAM
 from camtorque.mechanism.smoothing import table_error
@@ -157,9 +157,10 @@ def sheet_findings(doubts: Sequence[SheetDoubt], pump: PumpData) -> tuple[Findin
     if not doubts:
         return ()
     asked_for = ", or nearly as well for ".join(_otherwise(doubt, pump) for doubt in doubts)
+    like = " (plunger, lift and both gains can stand in for one another)" if doubts[0].quantity in SIZES else ""
     text = (
-        f"torque and pressure contradict what is stated: they ask for {asked_for}. In the fit friction and delivery "
-        "valve make up for it: check that before chamber pressure and losses are relied on"
+        f"torque and pressure contradict what is stated: they ask for {asked_for}{like}. In the fit friction and "
+        "delivery valve make up for it: check that before chamber pressure and losses are relied on"
     )
     return (Finding("sheet_contradicted", "warning", text, doubts[0].quantity),)
 

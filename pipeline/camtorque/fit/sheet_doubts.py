@@ -3,7 +3,8 @@
 A plunger, a spring, a lift or a gain that is stated wrongly by a tenth is not missed by the fit: friction, valve and
 chamber make up for it within what the weights admit, and chamber pressure and losses are then wrong with narrow
 intervals. So one quantity after the other is let go at the minimum, as a factor on what is stated. What that would gain
-is known from one derivative; where it is much, the minimum is followed along the factor until nothing more is gained.
+is known from one derivative; where it is much for one of them, the minimum is followed along the factors until nothing
+more is gained, from where it is and from a sixth to either side: what makes up for a wrong sheet is a minimum, too.
 The odds are Laplace's evidence for the factor against the sheet's, of which one in fifty is expected to be wrong.
 """
 
@@ -25,8 +26,11 @@ WRONG_SHEETS = 0.02
 """Share of the benches on which a given quantity is stated wrongly, as far as somebody knows."""
 WRONG_BY = 0.3
 """Standard deviation of the logarithm of a factor by which it is then wrong."""
-WORTH_FOLLOWING = 5.0
-"""Gain of chi-square that a derivative has to promise: of 43 sound recordings of three makers none promises 4."""
+WORTH_FOLLOWING, BESIDE = 4.0, 2.0
+"""Gain of chi-square that a derivative has to promise (of 43 sound recordings of three makers one promises 4), and that
+of other quantities that are then followed beside it."""
+STARTS = (1.0, 0.87, 1.15)
+"""Factors from which a minimum is followed."""
 STEP = 2.0e-3
 """Relative step of a difference quotient: rounding and curvature stay below a hundredth of it."""
 LARGEST_STEP, ROUNDS, SETTLED = 0.15, 8, 0.2
@@ -35,8 +39,10 @@ FOLLOWED = Effort(12)
 AS_WELL = 6.0
 """Quantities whose odds come so near to the best one's, as twice their logarithm, are told beside it."""
 
+Scaled = Callable[[FitData, float], FitData]
 
-def _of_pump(field: str) -> Callable[[FitData, float], FitData]:
+
+def _of_pump(field: str) -> Scaled:
     def scaled(item: FitData, factor: float) -> FitData:
         pump = replace(item.chain.pump, **{field: factor * getattr(item.chain.pump, field)})
         return replace(item, chain=replace(item.chain, pump=pump))
@@ -63,13 +69,15 @@ OF_PUMP = {
     "spring_preload_N": "spring_preload", "follower_mass_kg": "follower_mass",
 }  # fmt: skip
 """Key of recording.toml -> field of the pump."""
-QUANTITIES: Mapping[str, Callable[[FitData, float], FitData]] = {
+QUANTITIES: Mapping[str, Scaled] = {
     **{key: _of_pump(field) for key, field in OF_PUMP.items()},
     "lift of the cam": _lift,
     "gain of the pressure": _pressure,
     "gain of the torque": _torque,
 }
 """What may be stated wrongly -> the recording as it would be with a factor on it."""
+SIZES = ("plunger_diameter_m", "lift of the cam", "gain of the pressure", "gain of the torque")
+"""What stands in for one another: how much torque a pressure makes."""
 
 
 @dataclass(frozen=True)
@@ -103,12 +111,19 @@ def sheet_doubts(best: Candidate, inflation: float) -> tuple[SheetDoubt, ...]:
     inflation : factor on the variance of the residual
     """
     tangents = _tangents(best)
-    pulled = [name for name, scaled in QUANTITIES.items()
-              if _pull(best, scaled, inflation, tangents).gain > WORTH_FOLLOWING]  # fmt: skip
-    settled = _settled(best) if pulled and not best.solution.converged else best
-    found = [_followed(settled, QUANTITIES[name], inflation, name) for name in pulled]
-    doubts = sorted((one for one in found if one), key=lambda one: -one.two_ln_odds)
+    gains = {name: _pull(best, scaled, inflation, tangents).gain for name, scaled in QUANTITIES.items()}
+    if max(gains.values()) < WORTH_FOLLOWING:
+        return ()
+    settled = best if best.solution.converged else _settled(best)
+    found = [doubt for name, gain in gains.items() if gain > BESIDE for doubt in _doubts(settled, name, inflation)]
+    doubts = sorted(found, key=lambda one: -one.two_ln_odds)
     return tuple(one for one in doubts if one.two_ln_odds > max(0.0, doubts[0].two_ln_odds - AS_WELL))
+
+
+def _doubts(best: Candidate, name: str, inflation: float) -> list[SheetDoubt]:
+    """Return the likeliest factor on a quantity, none where all that is found is the sheet's."""
+    found = [_followed(best, QUANTITIES[name], inflation, name, start) for start in STARTS]
+    return sorted((one for one in found if one), key=lambda one: -one.two_ln_odds)[:1]
 
 
 def _settled(best: Candidate) -> Candidate:
@@ -130,7 +145,7 @@ def _tangents(item: Candidate) -> Array:
     return full
 
 
-def _pull(item: Candidate, scaled: Callable[[FitData, float], FitData], inflation: float, tangents: Array) -> Pull:
+def _pull(item: Candidate, scaled: Scaled, inflation: float, tangents: Array) -> Pull:
     """Return what a factor promises that all free parameters follow."""
     solution, steps = item.solution, item.problem.steps
     up, down = (_residual(scaled(item.data, 1.0 + sign * STEP), solution.z) for sign in (1.0, -1.0))
@@ -156,11 +171,12 @@ def _residual(item: FitData, z: Array) -> Array:
     return np.asarray(target - columns @ z[own])
 
 
-def _followed(
-    best: Candidate, scaled: Callable[[FitData, float], FitData], inflation: float, name: str
-) -> SheetDoubt | None:
+def _followed(best: Candidate, scaled: Scaled, inflation: float, name: str, start: float) -> SheetDoubt | None:
     """Return where a minimum ends along a factor, None where its derivatives run away or nothing is gained."""
-    item, factor, std = best, 1.0, 0.0
+    item = best if start == 1.0 else attempted(at_minimum, scaled(best.data, start), FOLLOWED, best.solution.lift)
+    if item is None:
+        return None
+    factor, std = start, math.inf
     for _ in range(ROUNDS):
         pull = attempted(_pull, item, scaled, inflation, _tangents(item))
         if pull is None or not math.isfinite(pull.std):
@@ -173,12 +189,10 @@ def _followed(
             break
         item, factor = moved[0], factor * moved[1]
     gain = (best.solution.chi_square - item.solution.chi_square) / inflation
-    return SheetDoubt(name, factor, factor * std, two_ln_odds(gain, std)) if factor != 1.0 else None
+    return SheetDoubt(name, factor, factor * std, two_ln_odds(gain, std)) if gain > 0.0 else None
 
 
-def _stepped(
-    item: Candidate, scaled: Callable[[FitData, float], FitData], step: float
-) -> tuple[Candidate, float] | None:
+def _stepped(item: Candidate, scaled: Scaled, step: float) -> tuple[Candidate, float] | None:
     """Return a deeper minimum a step or a part of it along a factor, and that; None where there is none."""
     for part in (1.0, 0.5, 0.25):
         factor = 1.0 + part * step
