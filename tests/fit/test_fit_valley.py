@@ -10,10 +10,12 @@ import pytest
 from camtorque.fit.minima import at_minimum
 from camtorque.fit.problem import with_rows
 from camtorque.fit.uncertainty import (
+    LOUDER,
     along_valley,
     covariance,
     pressure_jacobian,
     ripple,
+    stated_pressure,
     unresolved_amplitude,
     without_spikes,
 )
@@ -162,6 +164,27 @@ def test_what_the_line_swings_the_chamber_may_while_it_delivers():
     assert np.all(unresolved_amplitude(smooth, ringing)[outside] == 0.0)
     louder = SimpleNamespace(pressure=2.0 * ringing, flows=flows)
     np.testing.assert_array_equal(unresolved_amplitude(louder, ringing), ripple(2.0 * ringing))
+
+
+@pytest.mark.parametrize("n", [1800, 7200])
+def test_a_chatter_that_the_line_does_not_have_is_stated_as_its_mean(n):
+    """A swing of 1.2 degrees, of which a parabola over three degrees takes a tenth along."""
+    angle = np.linspace(0.0, 2.0 * np.pi, n, endpoint=False)
+    flows = np.zeros((n, 4))
+    flows[(angle > 1.0) & (angle < 1.6), SEAT_FLOW] = 1.0
+    wave = 1.0e5 * np.sin(300.0 * angle)
+    stroke = 100.0e5 * np.maximum(np.sin(angle), 0.0) ** 2
+    chain = SimpleNamespace(uses_chamber=True, line_pressure=0.5 * stroke + wave)
+    inside, outside = (angle > 1.05) & (angle < 1.55), (angle < 0.9) | (angle > 1.7)
+    chattering = SimpleNamespace(pressure=stroke + 20.0 * wave, flows=flows)
+    stated = stated_pressure(chain, chattering)
+    np.testing.assert_allclose(ripple(stated)[inside], LOUDER * 1.0e5, rtol=0.35)
+    np.testing.assert_array_equal(stated[outside], chattering.pressure[outside])
+    np.testing.assert_allclose(stated[inside], stroke[inside], atol=1.35 * LOUDER * 1.0e5)
+    heard = SimpleNamespace(pressure=stroke + 1.5 * wave, flows=flows)
+    assert stated_pressure(chain, heard) is heard.pressure
+    measured = SimpleNamespace(uses_chamber=False, line_pressure=chain.line_pressure)
+    assert stated_pressure(measured, chattering) is chattering.pressure
 
 
 def test_a_slope_that_runs_away_at_one_angle_is_cut_and_a_steep_flank_is_not() -> None:

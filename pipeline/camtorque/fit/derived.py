@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from camtorque.fit.prepare import at_cam_angles, cam_angles, over_even_angle
 from camtorque.fit.problem import FitData, Problem
 from camtorque.fit.residual import parts_of_gap
 from camtorque.fit.single import Fit, FittedParameters
-from camtorque.fit.uncertainty import knowledge, secant_steps
+from camtorque.fit.uncertainty import knowledge, secant_steps, stated_pressure
 from camtorque.laws.causes import ON_BRIDGE_ALONE, cam_torques, drive_work, measured_torques, work_per_revolution
 from camtorque.laws.chain import COLUMN_NAMES, SHIFT_NAMES, ChainInput, ChainOutput, Motion, evaluate
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
@@ -45,6 +46,11 @@ class Modelled:
     def torque(self) -> Array:
         """Model of the measured torque, (n,) [N m]."""
         return np.sum(list(self.by_cause.values()), axis=0)
+
+    @cached_property
+    def chamber_pressure(self) -> Array:
+        """The pressure on the plunger as it is stated, (n,) [Pa]."""
+        return stated_pressure(self.chain, self.output)
 
 
 def model_of(fit: Fit, torque: Array, pressure: Array) -> Modelled:

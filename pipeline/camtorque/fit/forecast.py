@@ -30,6 +30,7 @@ from camtorque.fit.known_fit import (
 from camtorque.fit.prepare import at_cam_angles
 from camtorque.fit.problem import LAND_NAMES, NEUTRAL, SPILL_NAMES, WITHOUT
 from camtorque.fit.shared_lift import SharedLift
+from camtorque.fit.uncertainty import stated_pressure
 from camtorque.laws.causes import cam_torques, contact_load, measured_torques
 from camtorque.laws.chain import (
     ChainInput,
@@ -300,7 +301,7 @@ def _parts(chain: ChainInput, values: Mapping[str, float], lift: SharedLift | No
     torque = np.asarray(np.sum(list(causes.values()), axis=0))
     along, normal = contact_load(chain, values, output, force)
     return {
-        **named, "torque": torque, "mean": np.array(np.mean(torque)), "pressure": output.pressure,
+        **named, "torque": torque, "mean": np.array(np.mean(torque)), "pressure": stated_pressure(chain, output),
         "load": along, "contact": normal, "plunger_force": force, "angle": output.motion.theta,
         "flow": output.flows[:, SEAT_FLOW], "delivered": np.array(stroke_volume(chain, values, output)),
     }  # fmt: skip

@@ -46,6 +46,7 @@ from camtorque.fit.uncertainty import (
     correlation_of,
     knowledge,
     pressure_jacobian,
+    stated_pressure,
     uncertainty_budget,
     unresolved_amplitude,
     without_spikes,
@@ -94,7 +95,7 @@ def fitted_torque(
     friction = Friction(fitted.values["guide_friction"], *arms)
     mounting = Mounting(rotation=config.rotation)
     tables = closed_form_tables(config.pump, smooth, motion.theta, mounting, friction)
-    pushed = fitted.output.pressure + fitted.plunger_force / config.pump.plunger_area
+    pushed = fitted.chamber_pressure + fitted.plunger_force / config.pump.plunger_area
     forces = forces_of(config.pump, tables, pushed, motion.rate, motion.second)
     lost = pulls(tables.evaluate("contact_normal", pushed, motion.rate, motion.second))
     stds = pressure_stds(fit, fitted)
@@ -106,7 +107,7 @@ def fitted_torque(
     peak = float(np.max(means.torque_all))
     explained = is_explained(residual, means.odd_even, peak)
     left = 100.0 * float(np.sqrt(np.mean(residual**2))) / peak
-    chamber = fitted.output.pressure if fitted.chain.uses_chamber else None
+    chamber = fitted.chamber_pressure if fitted.chain.uses_chamber else None
     delivered = delivered_volume(fit) if "delivered_volume" in cycles.channels else None
     return FittedTorque(
         effects=("trigger", "sensor", *(row.name for row in fit.evidence if row.verdict == "needed")),
@@ -172,9 +173,10 @@ def alternatives(fit: Fit, nominal: float) -> tuple[Alternative, ...]:
             continue
         trigger = item.problem.index("trigger_offset")
         residual = item.solution.left / item.data.weight
+        pressure = stated_pressure(item.data.chain, item.solution.output)
         rows.append(Alternative(
             STRUCTURES[item.data.structure], probability, float(np.sqrt(np.mean(residual**2))),
-            nominal + float(item.solution.z[trigger]), float(np.max(item.solution.output.pressure)),
+            nominal + float(item.solution.z[trigger]), float(np.max(pressure)),
         ))  # fmt: skip
     return tuple(rows)
 
@@ -213,18 +215,18 @@ def pressure_stds(fit: Fit, fitted: Modelled) -> Array | None:
     statistical = variance
     for shift in fit.pressure_shifts:
         variance = variance + at_cam_angles(fit.problem.data[0].chain, shift, variance.size) ** 2
-    gain = fit.pressure_gain_std * fitted.output.pressure
+    gain = fit.pressure_gain_std * fitted.chamber_pressure
     variance = variance + gain**2 + unresolved_amplitude(fitted.output, fitted.chain.line_pressure) ** 2
     found = (np.sqrt(np.maximum(part, 0.0)) for part in (variance, statistical))
-    return np.array([without_spikes(fitted.output.pressure, std) for std in found])
+    return np.array([without_spikes(fitted.chamber_pressure, std) for std in found])
 
 
 def _chamber_peak(fitted: Modelled, stds: Array | None) -> Estimate | None:
     if stds is None:
         return None
-    top = int(np.argmax(fitted.output.pressure))
+    top = int(np.argmax(fitted.chamber_pressure))
     total, statistical = stds[:, top].tolist()
-    return Estimate(float(fitted.output.pressure[top]), total, stderr_statistical=statistical)
+    return Estimate(float(fitted.chamber_pressure[top]), total, stderr_statistical=statistical)
 
 
 def return_start(fitted: Modelled, stds: Array | None) -> Estimate | None:
@@ -237,7 +239,7 @@ def return_start(fitted: Modelled, stds: Array | None) -> Estimate | None:
     start = int(np.flatnonzero((above >= 0.0) & (after < 0.0))[0])
     part = above[start] / (above[start] - after[start])
     places = [start, (start + 1) % lift.size]
-    curves = np.vstack([fitted.output.pressure, stds])
+    curves = np.vstack([fitted.chamber_pressure, stds])
     pressure, total, statistical = (curves[:, places] @ [1.0 - part, part]).tolist()
     return Estimate(pressure, total, stderr_statistical=statistical)
 
