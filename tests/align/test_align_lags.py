@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from camtorque.align import align
+from camtorque.align import align, lags
 from camtorque.align.lags import cycle_lags
 from camtorque.ingest import read_recording
 from camtorque.ingest.raw import ArraySource
@@ -66,6 +66,21 @@ def test_a_lag_is_found_to_a_hundredth_of_a_degree() -> None:
     found = cycle_lags(rows, sound)
     assert np.isnan(found[-1])
     assert np.degrees(np.ptp((found - lags)[:-1])) < 0.01
+
+
+@pytest.mark.parametrize("place", [6, 12, 17])
+def test_an_edge_that_moves_on_by_one_sample_is_no_drift(place: int) -> None:
+    """A shaft that nearly keeps step with the logger's clock: all later turns meet the next sample at once."""
+    theta, turns = np.linspace(0.0, 2.0 * np.pi, 1800, endpoint=False), np.arange(24)
+    sample = np.deg2rad(0.225)
+    least = max(float(lags.LEAST_MOVE) * np.pi / 180.0, lags.SAMPLES_WIDE * sample / np.sqrt(12.0))
+
+    def drift(lag: Array) -> float:
+        rows = np.array([np.exp(4.0 * np.cos(theta - 1.0 - one)) for one in lag])
+        return lags._drift(rows, turns, cycle_lags(rows, np.ones(turns.size, dtype=bool)), 0.08 * turns, least)
+
+    assert drift(np.where(turns < place, 0.0, sample)) == 0.0
+    assert drift(3.0 * sample * turns / 23.0) * 0.08 * 23 == pytest.approx(3.0 * sample, rel=0.02)
 
 
 def test_a_sound_recording_is_left_as_it_is(sound: CamCycles) -> None:

@@ -26,9 +26,9 @@ LEAST_MOVE = Threshold(
     "Smallest step or drift of the lag that is told: sound runs reach 0.18 degrees, by the scatter of their loads."
 )  # fmt: skip
 SAMPLES_WIDE = Threshold(
-    4.0, "1", "statistics",
-    "Standard errors of one edge within which edges may wander together: a whole sample where its place is known to a "
-    "sample, since neighbouring turns meet the samples at nearly the same place."
+    6.0, "1", "statistics",
+    "Standard errors of one edge within which edges may wander together: where its place is known to a sample, edges "
+    "of neighbouring turns move on by a whole one at once, which a line makes one and a half of (5.2 standard errors)."
 )  # fmt: skip
 SIGNIFICANT = Threshold(6.0, "1", "statistics", "Standard errors of a step or a drift of the lag, at least.")
 STEP_OVER_LINE = Threshold(
