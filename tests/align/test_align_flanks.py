@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -79,6 +80,23 @@ def test_trigger_angle_far_off_is_told(shift_deg: float) -> None:
     (found,) = check_flanks(moved(typical, np.radians(shift_deg)), recording, speed)
     assert found.code == "trigger_angle_doubtful"
     assert "nominal_angle_deg" in found.text
+
+
+@pytest.mark.parametrize("family", ["closed_volume", "spill", "plain", "negative_rotation"])
+@pytest.mark.parametrize("shift_deg", [-28.0, 26.0])
+def test_a_trigger_at_another_tooth_is_told_or_refused(family: str, shift_deg: float) -> None:
+    """So far that no place of the table is found where it is looked for, though all torque falls on the rising lift."""
+    recording, typical, speed = rig(family, 400.0)
+    try:
+        (found,) = check_flanks(moved(typical, np.radians(shift_deg)), recording, speed)
+    except Refusal as refusal:
+        text = str(refusal)
+    else:
+        assert found.code == "trigger_far_off"
+        text = found.text
+    place = float(re.search(r"angle moved by ([+-][\d.]+) degrees", text)[1])
+    assert place == pytest.approx(shift_deg, abs=6.0)
+    assert "nominal_angle_deg" in text
 
 
 @pytest.mark.parametrize("family", ["closed_volume", "spill", "other_geometry", "negative_rotation"])

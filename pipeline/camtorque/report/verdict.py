@@ -41,6 +41,7 @@ DOUBTFUL = {
     "csv_cut_row": "a log that may be cut short",
     "mains_hum": "mains hum that stays in the mean torque",
     "no_load_friction": "a pump in which nothing rubs under load",
+    "trigger_far_off": "a trigger that torque and pressure place far off",
     "sheet_contradicted": "a sheet that torque and pressure contradict",
     "sensitivity_off_nominal": "a certificate that contradicts its sheet",
     "sensitivity_off_ranges": "a sensitivity that contradicts the ranges of its sheet",
