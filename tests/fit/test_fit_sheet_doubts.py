@@ -8,7 +8,7 @@ import pytest
 from camtorque.config import PumpData
 from camtorque.fit.findings import sheet_findings
 from camtorque.fit.minima import Candidate, at_minimum
-from camtorque.fit.sheet_doubts import AS_WELL, OF_PUMP, QUANTITIES, SheetDoubt, sheet_doubts, two_ln_odds
+from camtorque.fit.sheet_doubts import AS_WELL, DELAYS, OF_PUMP, QUANTITIES, SheetDoubt, sheet_doubts, two_ln_odds
 from camtorque.fit.uncertainty import covariance, narrowed
 from fit_cases import quick
 
@@ -38,6 +38,19 @@ def test_a_wrong_sheet_is_named_with_its_size(family: str, quantity: str, wrong_
     assert all(one.two_ln_odds > found[0].two_ln_odds - AS_WELL for one in found)
     (mine,) = [one for one in found if one.quantity == quantity]
     assert abs(mine.factor * wrong_by - 1.0) < 4.0 * mine.std * wrong_by + 0.03  # bounds and weights move with it
+
+
+@pytest.mark.parametrize(("family", "quantity", "later"), [
+    ("spill", "delay of the pressure", -0.25), ("closed_volume", "delay of the torque", 0.3),
+    ("plain", "delay of the torque", 0.3),
+])  # fmt: skip
+def test_a_wrong_delay_is_told_as_that_of_one_sensor_or_the_other(family: str, quantity: str, later: float):
+    """The trigger angle takes what both have in common: torque too late and pressure too early are one."""
+    wrong = at_minimum(QUANTITIES[quantity](quick((family, 0, 1000.0)).data, 1.0 + later))
+    found = doubts_of(wrong)[0]
+    assert found.quantity in DELAYS
+    asked = -later if found.quantity == quantity else later
+    assert found.factor - 1.0 == pytest.approx(asked, abs=3.0 * found.std)
 
 
 def test_a_descent_that_runs_away_is_no_doubt(monkeypatch: pytest.MonkeyPatch):
@@ -73,4 +86,6 @@ def test_the_finding_says_what_is_asked_for_and_what_is_stated():
     assert found.severity == "warning"
     assert f"plunger_diameter_m = {0.9 * pump.plunger_diameter:.3g}" in found.text
     assert "a gain of the torque that is 1.20 ± 0.03 times as large" in found.text
+    (found,) = sheet_findings((SheetDoubt("delay of the torque", 1.3, 0.031, 20.0),), pump)
+    assert "a delay of the torque that is 0.30 ± 0.03 ms shorter (the two delays" in found.text
     assert sheet_findings((), pump) == ()

@@ -11,7 +11,7 @@ from camtorque.config import PumpData
 from camtorque.fit.descent import free_at, promised
 from camtorque.fit.minima import Candidate
 from camtorque.fit.problem import SEPARATOR, STRUCTURES
-from camtorque.fit.sheet_doubts import OF_PUMP, SIZES, SheetDoubt
+from camtorque.fit.sheet_doubts import A_DELAY, DELAYS, OF_PUMP, SIZES, SheetDoubt
 from camtorque.fit.single import Fit
 from camtorque.laws.chain import ON_CAM
 from camtorque.mechanism.smoothing import table_error
@@ -157,7 +157,9 @@ def sheet_findings(doubts: Sequence[SheetDoubt], pump: PumpData) -> tuple[Findin
     if not doubts:
         return ()
     asked_for = ", or nearly as well for ".join(_otherwise(doubt, pump) for doubt in doubts)
-    like = " (plunger, lift and both gains can stand in for one another)" if doubts[0].quantity in SIZES else ""
+    alike = {**dict.fromkeys(SIZES, "plunger, lift and both gains"), **dict.fromkeys(DELAYS, "the two delays")}
+    named = alike.get(doubts[0].quantity)
+    like = f" ({named} can stand in for one another)" if named else ""
     text = (
         f"torque and pressure contradict what is stated: they ask for {asked_for}{like}. In the fit friction and "
         "delivery valve make up for it: check that before chamber pressure and losses are relied on"
@@ -167,6 +169,10 @@ def sheet_findings(doubts: Sequence[SheetDoubt], pump: PumpData) -> tuple[Findin
 
 def _otherwise(doubt: SheetDoubt, pump: PumpData) -> str:
     field = OF_PUMP.get(doubt.quantity)
+    if doubt.quantity in DELAYS:
+        shorter, known = 1e3 * A_DELAY * (doubt.factor - 1.0), 1e3 * A_DELAY * doubt.std
+        way = "shorter" if shorter > 0.0 else "longer"
+        return f"a {doubt.quantity} that is {abs(shorter):.2f} ± {known:.2f} ms {way}"
     if field is None:
         return f"a {doubt.quantity} that is {doubt.factor:.2f} ± {doubt.std:.2f} times as large"
     stated = getattr(pump, field)

@@ -1,6 +1,6 @@
 """Whether torque and pressure contradict a sheet: which stated quantity would they have otherwise, and how surely.
 
-A plunger, a spring, a lift or a gain that is stated wrongly by a tenth is not missed by the fit: friction, valve and
+A plunger, a spring, a lift, a gain or a delay that is stated wrongly is not missed by the fit: friction, valve and
 chamber make up for it within what the weights admit, and chamber pressure and losses are then wrong with narrow
 intervals. So one quantity after the other is let go at the minimum, as a factor on what is stated. What that would gain
 is known from one derivative; where it is much for one of them, the minimum is followed along the factors until nothing
@@ -26,9 +26,13 @@ WRONG_SHEETS = 0.02
 """Share of the benches on which a given quantity is stated wrongly, as far as somebody knows."""
 WRONG_BY = 0.3
 """Standard deviation of the logarithm of a factor by which it is then wrong."""
-WORTH_FOLLOWING, BESIDE = 4.0, 2.0
-"""Gain of chi-square that a derivative has to promise (of 43 sound recordings of three makers one promises 4), and that
-of other quantities that are then followed beside it."""
+WORTH_FOLLOWING, BESIDE = 5.0, 2.0
+"""Gain of chi-square that a derivative has to promise (of 43 sound recordings of three makers two do, whose pressure
+sensors are far along the line), and that of other quantities that are then followed beside it."""
+A_DELAY = 1.0e-3
+"""Delay that counts as a factor's unit [s]: 0.3 ms is a logger's filter that no sheet names."""
+LEAST = 0.03
+"""Deviation of a factor from 1 that is told: smaller is what sheets err by."""
 STARTS = (1.0, 0.87, 1.15)
 """Factors from which a minimum is followed."""
 STEP = 2.0e-3
@@ -64,6 +68,22 @@ def _torque(item: FitData, factor: float) -> FitData:
     return replace(item, torque=factor * item.torque, weight=item.weight / factor, chain=chain)
 
 
+def _pressure_later(item: FitData, factor: float) -> FitData:
+    return replace(item, chain=replace(item.chain, line_pressure=_later(item, item.chain.line_pressure, factor)))
+
+
+def _torque_later(item: FitData, factor: float) -> FitData:
+    chain = replace(item.chain, shaft_torque=_later(item, item.chain.shaft_torque, factor))
+    return replace(item, torque=_later(item, item.torque, factor), chain=chain)
+
+
+def _later(item: FitData, values: Array, factor: float) -> Array:
+    """Return periodic values (n,) that come later by a factor less one, in units of `A_DELAY`."""
+    spectrum = np.fft.rfft(values)
+    angle = item.chain.speed * (factor - 1.0) * A_DELAY
+    return np.asarray(np.fft.irfft(spectrum * np.exp(-1j * np.arange(spectrum.size) * angle), values.size))
+
+
 OF_PUMP = {
     "plunger_diameter_m": "plunger_diameter", "spring_stiffness_N_per_m": "spring_stiffness",
     "spring_preload_N": "spring_preload", "follower_mass_kg": "follower_mass",
@@ -74,8 +94,12 @@ QUANTITIES: Mapping[str, Scaled] = {
     "lift of the cam": _lift,
     "gain of the pressure": _pressure,
     "gain of the torque": _torque,
+    "delay of the pressure": _pressure_later,
+    "delay of the torque": _torque_later,
 }
 """What may be stated wrongly -> the recording as it would be with a factor on it."""
+DELAYS = ("delay of the pressure", "delay of the torque")
+"""What has no factor: one more than 1 by x is a delay that is stated x times `A_DELAY` too long."""
 SIZES = ("plunger_diameter_m", "lift of the cam", "gain of the pressure", "gain of the torque")
 """What stands in for one another: how much torque a pressure makes."""
 
@@ -117,7 +141,8 @@ def sheet_doubts(best: Candidate, inflation: float) -> tuple[SheetDoubt, ...]:
     settled = best if best.solution.converged else _settled(best)
     found = [doubt for name, gain in gains.items() if gain > BESIDE for doubt in _doubts(settled, name, inflation)]
     doubts = sorted(found, key=lambda one: -one.two_ln_odds)
-    return tuple(one for one in doubts if one.two_ln_odds > max(0.0, doubts[0].two_ln_odds - AS_WELL))
+    told = [one for one in doubts if abs(one.factor - 1.0) > LEAST]
+    return tuple(one for one in told if one.two_ln_odds > max(0.0, doubts[0].two_ln_odds - AS_WELL))
 
 
 def _doubts(best: Candidate, name: str, inflation: float) -> list[SheetDoubt]:
