@@ -81,6 +81,8 @@ def execute(parsed: argparse.Namespace) -> int:
     progress = tell if sys.stderr.isatty() and not parsed.quiet else silent
     command = import_module(f"camtorque.commands.{parsed.command}")
     outcome: Outcome = on_one_thread(command.execute)(parsed, progress)
+    for note in outcome.notes:
+        tell(note)
     as_json = getattr(parsed, "json", False)
     for text, document in outcome.stream:
         print(_json(document) if as_json else text, flush=True)
