@@ -281,15 +281,16 @@ def end_text(ends: Mapping[str, Estimate], source: FittedAt, known: KnownFit, sp
         return ()
     alike = any(item.structure == source.structure for item in known.recordings)
     kind = ENDED_BY[source.structure]
-    how = (
-        f"by {kind} as in {source.id}: where the line pressure looks as it does there, for the mean sharpness of the "
-        "fitted ends (another begins elsewhere, which is in the band)" if alike else
-        f"by {kind}, as no fitted recording does: where the line pressure looks as it does at their ends; how sharply "
-        "is as unsure as before any fit"
+    how = "as sharply as these do on average; what a sharper or softer end shifts is in the bands" if alike else (
+        "how sharply is as unsure as before any fit"
     )  # fmt: skip
-    return tuple(
-        f"Delivery at {speed_rpm:g} rpm ends at {end.value / per:.3g} ± {2.0 * end.stderr / per:.2g} {unit}, {how}."
-        for end, per, unit in found
+    by = f"by {kind} as in {source.id}" if alike else f"by {kind}, as no fitted recording does"
+    return (
+        *(
+            f"Delivery at {speed_rpm:g} rpm ends at {end.value / per:.3g} ± {2.0 * end.stderr / per:.2g} {unit}, {by}."
+            for end, per, unit in found
+        ),
+        f"Ends of delivery by {kind} lie where the line pressure looks as it does at the fitted ends, {how}.",
     )
 
 
