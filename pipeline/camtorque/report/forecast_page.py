@@ -281,8 +281,8 @@ def end_text(ends: Mapping[str, Estimate], source: FittedAt, known: KnownFit, sp
         return ()
     alike = any(item.structure == source.structure for item in known.recordings)
     kind = ENDED_BY[source.structure]
-    how = "as sharply as these do on average; what a sharper or softer end shifts is in the bands" if alike else (
-        "how sharply is as unsure as before any fit"
+    how = "as the mean of these; what another sharpness would shift is in the bands" if alike else (
+        "as before any fit, and as unsure"
     )  # fmt: skip
     by = f"by {kind} as in {source.id}" if alike else f"by {kind}, as no fitted recording does"
     return (
@@ -290,7 +290,8 @@ def end_text(ends: Mapping[str, Estimate], source: FittedAt, known: KnownFit, sp
             f"Delivery at {speed_rpm:g} rpm ends at {end.value / per:.3g} ± {2.0 * end.stderr / per:.2g} {unit}, {by}."
             for end, per, unit in found
         ),
-        f"Ends of delivery by {kind} lie where the line pressure looks as it does at the fitted ends, {how}.",
+        f"Delivery by {kind} is taken to end where the line pressure looks as it does at the fitted ends, and how "
+        f"sharply {how}.",
     )
 
 
