@@ -102,7 +102,9 @@ def prepare_result(folder: Path, bare: bool) -> None:
         os.environ[BARE] = str(folder / "report" / "result.json")
 
 
-def no_joint_fit(count: int, read: Callable[[int], JointInput], threads: int) -> tuple[None, tuple[Finding, ...]]:
+def no_joint_fit(
+    count: int, read: Callable[[int], JointInput], threads: int, folders: object
+) -> tuple[None, tuple[Finding, ...]]:
     """Read and hold of every recording what a joint fit does, fit nothing."""
     known = list(map(HeldOnce(), map(read, range(count))))
     return None, (Finding("joint", "info", f"{len(known)} inputs"),)

@@ -192,3 +192,21 @@ def test_odd_locale_and_unwritable_home(tmp_path: Path) -> None:
     assert process.returncode == 0, process.stderr
     assert process.stderr == b""
     assert (out / "align.json").exists()
+
+
+def test_a_locale_without_umlauts_is_named_as_the_cause(tmp_path: Path) -> None:
+    """A log that is there was told as missing, its name in escapes."""
+    shutil.copytree(EXAMPLES.parent / "calibration", tmp_path / "calibration")
+    folder = tmp_path / "raw" / "Prüfling"
+    shutil.copytree(EXAMPLES / "A_1250rpm", folder)
+    (folder / "A_1250rpm_all.csv").rename(folder / "Läufe.csv")
+    config = (folder / "recording.toml").read_text(encoding="utf-8").replace("A_1250rpm_all.csv", "Läufe.csv")
+    (folder / "recording.toml").write_text(config, encoding="utf-8")
+    process = subprocess.run(
+        [sys.executable, "-m", "camtorque.cli", "check", folder],
+        capture_output=True, check=False, timeout=LIMIT, env={**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0"},
+    )  # fmt: skip
+    assert process.returncode == 2
+    text = process.stderr.decode()
+    assert "Prüfling/Läufe.csv: cannot be looked for: this system takes names of files in ascii alone; set LC" in text
+    assert "did you mean 'Läufe.csv'" in text

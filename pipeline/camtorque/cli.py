@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import sys
 import warnings
 from collections.abc import Mapping, Sequence
@@ -25,6 +26,8 @@ from camtorque.progress import silent
 from camtorque.version import __version__
 
 UNEXPECTED, STOPPED = 70, 130
+ESCAPED = re.compile(r"\\u(dc[89a-f][0-9a-f])")
+"""A byte of a name of a file in quotes: the stream knows best whether it can be shown."""
 ON_WINDOWS = (
     "camtorque: found Windows, expected Linux or macOS, whose locks and signals its commands need; run it in "
     "WSL (`wsl --install`)"
@@ -81,6 +84,8 @@ def execute(parsed: argparse.Namespace) -> int:
     progress = tell if sys.stderr.isatty() and not parsed.quiet else silent
     command = import_module(f"camtorque.commands.{parsed.command}")
     outcome: Outcome = on_one_thread(command.execute)(parsed, progress)
+    for note in outcome.notes:
+        tell(note)
     as_json = getattr(parsed, "json", False)
     for text, document in outcome.stream:
         print(_json(document) if as_json else text, flush=True)
@@ -146,7 +151,7 @@ def _failed(error: Exception, parsed: argparse.Namespace) -> int:
     if parsed.debug and not refused:
         raise error
     text = str(error) if refused else "; ".join(described(error))
-    line = " ".join(text.split()).removeprefix(f"{parsed.command}: ")
+    line = ESCAPED.sub(lambda found: chr(int(found[1], 16)), " ".join(text.split())).removeprefix(f"{parsed.command}: ")
     with suppress(OSError):
         print(f"camtorque {parsed.command}: {line}", file=sys.stderr)
     forget(error)

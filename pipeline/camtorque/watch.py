@@ -20,7 +20,7 @@ from camtorque.config.schemas import RECORDING_FILE
 from camtorque.growing import read_so_far
 from camtorque.ingest import read_recording
 from camtorque.mechanism.load_check import on_base
-from camtorque.process.folders import files_below
+from camtorque.process.folders import files_below, why_closed
 from camtorque.process.threads import on_one_thread
 from camtorque.records import CamCycles, CutFlowRow, Recording, Refusal
 from camtorque.results import CAMPAIGN, NAME
@@ -265,7 +265,7 @@ def _growing(folder: Path, options: WatchOptions) -> Looks:
             yield [Waiting(config.id, f"the files do not grow{few}")] if blocks or rest else []
             continue
         if any(size < before for size, before in zip(now, sizes, strict=False)):
-            memory, told, found, sizes = Memory(), 0, 0, now
+            memory, blocks, told, found, sizes = Memory(), 0, 0, 0, now
             yield [Waiting(config.id, "a log has become shorter: it was begun again, and all is counted anew")]
         sizes = now
         try:
@@ -288,22 +288,31 @@ def _growing(folder: Path, options: WatchOptions) -> Looks:
 
 def _appearing(folder: Path, options: WatchOptions) -> Looks:
     """Yield what is new at each look at a folder in which finished recordings appear."""
-    memory, done, sizes = Memory(), set[Path](), dict[Path, int]()
+    memory, done, told, sizes = Memory(), set[Path](), set[Path](), dict[Path, int]()
     while True:
         items: list[Block | Waiting] = []
-        for block, size in _by_age(folder):
+        closed: list[Path] = []
+        for block, size in _by_age(folder, closed):
             # a recording is finished when it has not grown since the look before
             finished, sizes[block] = sizes.get(block) == size, size
             if finished and block not in done:
                 done.add(block)
                 items.append(_finished(block.relative_to(folder).as_posix(), block, memory, options))
-        yield items if done else [Waiting(folder.name, f"no finished recording below {folder} yet")]
+        items += [
+            Waiting(path.relative_to(folder).as_posix(), why_closed(path, RECORDING_FILE))
+            for path in closed if path not in told
+        ]  # fmt: skip
+        told |= set(closed)
+        yield items if done or told else [Waiting(folder.name, f"no finished recording below {folder} yet")]
 
 
-def _by_age(folder: Path) -> list[tuple[Path, int]]:
-    """Return the recordings below a folder, oldest first, with the size of their files; one just gone is left out."""
+def _by_age(folder: Path, closed: list[Path]) -> list[tuple[Path, int]]:
+    """Return the recordings below a folder, oldest first, with the size of their files; one just gone is left out.
+
+    Folders that cannot be looked into are added to ``closed``.
+    """
     found = []
-    for config in files_below(folder, RECORDING_FILE):
+    for config in files_below(folder, RECORDING_FILE, closed):
         with suppress(FileNotFoundError):
             files = set(config.parent.iterdir())
             with suppress(Refusal):  # what is still being written names no logs; they may lie elsewhere

@@ -198,9 +198,10 @@ def test_of_two_pulse_trains_the_slower_one_is_the_index(tmp_path: Path):
     assert '"index"' not in text
 
 
-def test_a_pressure_from_vacuum_says_so(tmp_path: Path):
+@pytest.mark.parametrize("unit", ["bar abs", "bar(a)"])
+def test_a_pressure_from_vacuum_says_so(tmp_path: Path, unit: str):
     torque, pressure, trigger = signals()
-    file = log(tmp_path, **{"T__Nm": torque, "p__bar abs": pressure + 1.0, "trigger__V": trigger})
+    file = log(tmp_path, **{"T__Nm": torque, f"p__{unit}": pressure + 1.0, "trigger__V": trigger})
     text, _ = written(file)
     assert re.search(r'\[sensors.pressure\][^\[]*reference = "absolute"', text)
     assert 'unit = "bar"' in text

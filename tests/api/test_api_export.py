@@ -209,6 +209,22 @@ def test_trend_over_date_speed_and_temperature(tmp_path: Path, capsys: pytest.Ca
     assert "speed / rpm" not in svg  # all three ran at one speed
 
 
+def test_a_recording_of_several_reports_is_one_row_of_a_trend(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A folder of reports with a campaign in it counted each recording twice."""
+    rows = [{"path": "log.csv", "sha256": "1" * 64}]
+    for name, created, inputs in (("a", "2026-01-02", rows), ("b", "2026-01-03", rows), ("c", "2026-01-01", [])):
+        (tmp_path / name).mkdir()
+        write_run(run_result(name), tmp_path / name)
+        file = tmp_path / name / "result.json"
+        document = json.loads(file.read_text(encoding="utf-8")) | {"created": created, "inputs": inputs}
+        file.write_text(json.dumps(document), encoding="utf-8")
+    assert cli.main(["export", "--trend", str(tmp_path), "--out", str(tmp_path / "out")]) == 0
+    assert f"{tmp_path}/a and {tmp_path}/b are of the same inputs" in capsys.readouterr().err
+    assert sorted(pd.read_csv(tmp_path / "out" / "reports_trend.csv")["recording"]) == ["b", "c"]
+
+
 def test_a_trend_of_reports_that_are_all_unexplained(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "case").mkdir()
     write_run(run_result(explained=False), tmp_path / "case")

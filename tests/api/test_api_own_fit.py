@@ -251,3 +251,10 @@ def test_the_command_tells_what_lmfit_tells(
     told = capsys.readouterr().err
     assert "'cutoff' is not a varying parameter" in told
     assert "there are " in told
+
+
+def test_an_error_of_many_times_a_value_is_told_without_percent() -> None:
+    kept = "    leakage:  0.51 +/- 0.02 (3.92%) (init = 0.5)"
+    assert command.plain_percent(kept) == kept
+    beyond = "    outlet_return:  1.07e-11 +/- 0.597 (5572945809969.34%) (init = 0)"
+    assert command.plain_percent(beyond) == "    outlet_return:  1.07e-11 +/- 0.597 (init = 0)"

@@ -123,7 +123,7 @@ def test_a_log_that_is_begun_again_is_counted_anew(bench: Path, replay: Replay) 
     assert isinstance(again[0], Waiting)
     assert "begun again" in again[0].reason
     assert isinstance(again[1], Block)
-    assert again[1].name == "A_1250rpm block 2"
+    assert again[1].name == "A_1250rpm block 1", "blocks are counted anew, too"
     assert again[1].drift_nm is None
 
 

@@ -49,7 +49,9 @@ def write_run(result: Any, folder: Path) -> dict[str, Any]:
     return doc
 
 
-def no_joint_fit(count: int, read: Callable[[int], Finding], threads: int) -> tuple[None, tuple[Finding, ...]]:
+def no_joint_fit(
+    count: int, read: Callable[[int], Finding], threads: int, folders: object
+) -> tuple[None, tuple[Finding, ...]]:
     """Tell what the joint fit would have got."""
     return None, (Finding("joint", "info", " ".join(item.code for item in map(read, range(count)))),)
 

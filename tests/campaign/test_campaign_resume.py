@@ -219,6 +219,23 @@ def test_a_full_disk_stops_the_campaign_and_keeps_what_is_finished(
     assert analysed == ["a", "b", "b", "c"]
 
 
+def test_a_campaign_that_finished_nothing_leaves_nothing(
+    analysed: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(task, "write_run", full)
+    raw = make(tmp_path / "raw", a="say")
+    with pytest.raises(Refusal, match="No space left on device"):
+        run_campaign(raw, tmp_path / "new" / "out", OPTIONS)
+    assert [path.name for path in tmp_path.iterdir()] == ["raw"]
+    (tmp_path / "own").mkdir()
+    with pytest.raises(Refusal, match="No space left on device"):
+        run_campaign(raw, tmp_path / "own", OPTIONS)
+    assert list((tmp_path / "own").iterdir()) == []
+
+
 def test_one_alone_and_the_list(analysed: list[str], tmp_path: Path) -> None:
     raw, out = make(tmp_path / "raw", a="say", b="refuse it", **{"deep/c": "say"}), tmp_path / "out"
     assert run_only("deep/c", raw, out, OPTIONS).status == "ok"
@@ -457,6 +474,18 @@ def test_one_pump_and_one_id_per_recording_are_fitted_together(
     fitted, findings = flow.joint_fit(len(inputs), inputs.__getitem__, 1)
     assert fitted == ([item[0] for item in items] if reason is None or "same cycles" in reason else None)
     assert [reason in finding.text for finding in findings] == [True] * (reason is not None)
+
+
+def test_sheets_that_differ_are_told_beside_ids_that_repeat(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(flow, "HeldOnce", lambda: lambda item: item)
+    items = [
+        SimpleNamespace(name=name, pump_id="P", measured=np.zeros(4), stated={"[pump] spring_preload_N": preload})
+        for name, preload in (("a", "110"), ("a", "110"), ("a", "140"))
+    ]
+    fitted, findings = flow.joint_fit(3, items.__getitem__, 1, ["one", "copy", "other"])
+    assert fitted is None
+    assert [finding.code for finding in findings] == ["no_joint_fit", "sheets_differ"]
+    assert "[pump] spring_preload_N is 140 in a (other), 110 in the others" in findings[1].text
 
 
 def test_a_joint_fit_takes_recordings_by_their_ids_whatever_their_folders_are_called(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -118,6 +119,16 @@ def test_the_fitted_chamber_is_the_load_and_the_same_cam_gives_the_same_answer(
     lines = fitted_lines(rows)
     assert lines[0].startswith("900 rpm, A_1000rpm: by the fitted model")
     assert any("volume delivered in a stroke [mm³]" in line for line in lines)
+
+
+def test_the_design_of_the_guide_can_be_read_as_it_stands_there(tmp_path: Path) -> None:
+    """Settings without lift and dwell stood beside the table of results: nobody could have made it."""
+    blocks = re.findall(r"```toml\n(.*?)```", (ROOT / "docs" / "design.md").read_text(encoding="utf-8"), re.DOTALL)
+    (text,) = (block for block in blocks if "pump_A.toml" in block)
+    file = tmp_path / "design.toml"
+    file.write_text(text.replace("calibration/pump_A.toml", PUMP.as_posix()), encoding="utf-8")
+    task = read_task(file, fitted_pump(read_known(known_fit(tmp_path))))
+    assert [round(item.speed / RPM) for item in task.loads] == [500, 1000]
 
 
 @pytest.mark.parametrize(("load", "pump", "text"), [

@@ -1,6 +1,7 @@
 """What a look at the samples finds, and what it must not find."""
 
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from camtorque import cli
 from camtorque.align import align
+from camtorque.config.tables import Refusals
 from camtorque.ingest import check, read_recording, summarise
 from camtorque.signal import damage
 from camtorque.signal.damage import isolated_samples, scan_channel
@@ -16,6 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 LOG = clean_log()
+EXAMPLES = Path(__file__).resolve().parents[2] / "raw_examples"
 
 
 def test_noise_alone_has_no_isolated_samples():
@@ -207,3 +210,28 @@ def test_noise_and_strays_below_vacuum_are_no_deep_vacuum(tmp_path: Path, share:
     folder = write_folder(tmp_path / "r", [LOG.with_volts("pressure", volts)], Plan("hdf5"))
     codes = {finding.code for finding in summarise(read_recording(folder)).findings}
     assert bool(codes & {"pressure_below_vacuum", "channels_swapped"}) is expected
+
+
+@pytest.mark.parametrize(
+    ("example", "slips", "told"),
+    [
+        ("A_1000rpm", {"Grp_torque": "Grp_Torque", "Prox_Trigger": "Prox_Triger"},
+         ["no group 'Grp_Torque', did you mean 'Grp_torque'?", "no channel 'Prox_Triger'"]),
+        ("A_1250rpm", {'unit = "V"': 'unit = "mV"', "Geber": "Gebr"},
+         ["the file's unit is 'V'", "the file's unit is 'V'", "no column 'Gebr'"]),
+    ],
+)  # fmt: skip
+def test_all_that_is_wrong_with_the_channels_of_one_file_is_told_at_once(tmp_path: Path, example, slips, told):
+    """A misspelt group hid a misspelt channel, the first wrong unit the others."""
+    shutil.copytree(EXAMPLES / example, tmp_path / "raw" / example)
+    shutil.copytree(EXAMPLES.parent / "calibration", tmp_path / "calibration")
+    config = tmp_path / "raw" / example / "recording.toml"
+    text = config.read_text(encoding="utf-8")
+    for right, wrong in slips.items():
+        text = text.replace(f'"{right}"' if "=" not in right else right, f'"{wrong}"' if "=" not in wrong else wrong)
+    config.write_text(text, encoding="utf-8")
+    with pytest.raises(Refusals) as refusals:
+        read_recording(config)
+    assert len(refusals.value.problems) == len(told)
+    for words, problem in zip(told, refusals.value.problems, strict=True):
+        assert words in problem

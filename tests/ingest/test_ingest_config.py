@@ -154,6 +154,7 @@ def test_a_wrong_type_is_refused(tmp_path: Path, line: str):
             "it is given twice: remove one",
         ),
         ('rotation = "positive"', "rotation = \u201cpositive\u201d", 'write straight quotes "$'),
+        ('rotation = "positive"', "rotation = positive", "'rotation = positive'; text stands in quotes, as in edge"),
         (
             '"fip-bench-recording/1"',
             '"camtorque-pump/1"',
@@ -217,6 +218,9 @@ def test_a_missing_file_names_what_its_folder_holds(tmp_path: Path):
         first_bytes(tmp_path / "run_al.csv")
     with pytest.raises(Refusal, match=r"no such file, expected a log; .*; its folder holds run_all.csv$"):
         first_bytes(tmp_path / "test.tdms")
+    # a log that another channel names is none that this one lacks
+    with pytest.raises(Refusal, match=r"own folder; its folder holds run_all.csv$"):
+        first_bytes(tmp_path / "run_al.csv", [tmp_path / "run_al.csv", tmp_path / "run_all.csv"])
     with pytest.raises(Refusal, match=r"no such file, expected a log; .*; there is no folder .*logs$"):
         first_bytes(tmp_path / "logs" / "run_all.csv")
     with pytest.raises(Refusal, match=r"its name holds a backslash: write / between folders$"):

@@ -219,7 +219,7 @@ def test_a_file_for_each_channel(tmp_path: Path, name: str):
     file.write_text("\r\n".join([*head, *body, ""]), encoding="utf-8")
     (found,) = channels(file)
     assert (found.name, found.unit, found.sample_rate) == (channel, unit, pytest.approx(RATE))
-    raw = read_as(file, ("torque", channel, "N m"), time=found.time_channel)
+    raw = read_as(file, ("torque", channel, unit or "N m"), time=found.time_channel)
     np.testing.assert_allclose(raw.channels[0].source.read(0, N), TORQUE, atol=1e-6)
     assert (raw.channels[0].start_time, raw.findings) == (pytest.approx(-0.01), ())
 
@@ -233,7 +233,8 @@ def test_exports_of_makers_are_read_as_they_are(tmp_path: Path, name: str):
     assert (first.unit, second.unit) == maker.units
     assert first.sample_rate == second.sample_rate == pytest.approx(RATE)
     assert len(listed) <= 4, "neither times nor counts nor words"
-    raw = read_as(file, ("torque", maker.names[0], "N m"), ("pressure", maker.names[1], "bar"), time=first.time_channel)
+    wanted = (("torque", first.name, first.unit or "N m"), ("pressure", second.name, second.unit or "bar"))
+    raw = read_as(file, *wanted, time=first.time_channel)
     for channel, truth in zip(raw.channels, (TORQUE, PRESSURE), strict=True):
         np.testing.assert_allclose(channel.source.read(0, 10**6), truth, atol=1e-6)
         assert channel.sample_rate == pytest.approx(RATE, rel=1e-5)

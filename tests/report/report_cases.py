@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -117,7 +118,7 @@ def run_result(recording_name: str = "case", with_chamber: bool = True, explaine
                              measures_chamber=False, fluid=SimpleNamespace(temperature=313.15),
                              pump=SimpleNamespace(plunger_area=5e-5))  # fmt: skip
     table = CamTable(theta[::2], lift[::2], 1e-6)
-    inputs = (InputFile(Path("recording.toml"), "ab" * 32),)
+    inputs = (InputFile(Path("recording.toml"), hashlib.sha256(recording_name.encode()).hexdigest()),)
     return RunResult(
         Recording(config, (), table, inputs, ()), cycles, rigid_record, record,
         {"ingest": 0.1, "align": 0.2, "model": 0.1, "fit": 1.0}, "2026-01-02T03:04:05+00:00", 120.0,

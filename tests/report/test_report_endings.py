@@ -164,7 +164,10 @@ def test_an_ending_that_no_fitted_recording_has_lies_where_theirs_do_and_is_less
     assert not spill.means
     texts = end_text(spill.ends, replace(fit.recordings[0], structure="spill"), fit, 500.0)
     assert "by spill, as no fitted recording does" in texts[0]
-    assert f"ends at {end.value / DEGREE:.3g}" in end_text(land.ends, fit.recordings[0], fit, 500.0)[0]
+    at, how = end_text(land.ends, fit.recordings[0], fit, 500.0)
+    assert f"ends at {end.value / DEGREE:.3g}" in at
+    # the same at every speed: told once
+    assert end_text(land.ends, fit.recordings[0], fit, 900.0)[1] == how
 
 
 @pytest.mark.parametrize("structure", ["line", "open"])

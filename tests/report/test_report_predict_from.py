@@ -286,7 +286,7 @@ def test_the_lift_correction_moves_the_torque_by_slope_times_contact_force(monke
         **cam, "torque_zero": np.zeros(400)})  # fmt: skip
     monkeypatch.setattr(forecast_module, "contact_load", lambda chain, values, output, force: (output.load,) * 2)
     monkeypatch.setattr(forecast_module, "stroke_volume", lambda *values: 0.0)
-    chain = SimpleNamespace(speed=50.0, theta=theta, swing=None)
+    chain = SimpleNamespace(speed=50.0, theta=theta, swing=None, line_pressure=None, uses_chamber=False)
 
     def run(lift: SharedLift | None) -> forecast_module.Forecast:
         fit = replace(known([1e-9] * 3), values=np.array([1e-15, 2.0]), lift=lift)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from camtorque.config.schemas import RECORDING_FILE
 from camtorque.hashes import real_path
-from camtorque.process.folders import walk
+from camtorque.process.folders import walk, why_closed
 from camtorque.records import Finding, Refusal
 
 
@@ -26,9 +26,7 @@ def search(folder: Path) -> tuple[dict[str, Path], tuple[Finding, ...]]:
     closed: list[Path] = []
     first: dict[Path, str] = {}
     found = sorted(walk(folder, RECORDING_FILE, closed))
-    texts = {True: "is a link that leads nowhere: recordings behind it are missed; mount or correct what it names",
-             False: "may not be read: recordings in it are missed; correct its rights"}  # fmt: skip
-    findings = [Finding("folder_unreadable", "warning", texts[path.is_symlink()], str(path)) for path in closed]
+    findings = [Finding("folder_unreadable", "warning", why_closed(path, RECORDING_FILE), str(path)) for path in closed]
     for path in found:
         name = path.relative_to(folder).as_posix()
         name = real_path(folder).name if name == "." else name
@@ -41,5 +39,7 @@ def search(folder: Path) -> tuple[dict[str, Path], tuple[Finding, ...]]:
         else:
             names[name] = path
     if not names:
-        raise Refusal(f"{folder}: found no {RECORDING_FILE} at or below it, expected one per recording; check the path")
+        shut = "".join(f"; {finding.where} {finding.text}" for finding in findings)
+        todo = shut or "; check the path"
+        raise Refusal(f"{folder}: found no {RECORDING_FILE} at or below it, expected one per recording{todo}")
     return names, tuple(findings)

@@ -84,7 +84,10 @@ def run_campaign(
         mapped = time.perf_counter() - start
         usable = usable_folders(out, entries)
         progress(f"joint fit of {len(usable)} recordings")
-        joint, more = joint_fit(len(usable), lambda k: read_joint_input(usable[k]), how.processes)
+        names = {out / entry.folder: entry.name for entry in entries}
+        joint, more = joint_fit(
+            len(usable), lambda k: read_joint_input(usable[k]), how.processes, [names[folder] for folder in usable]
+        )
         total = time.perf_counter() - start
         timing = {"recordings": mapped, "joint": total - mapped, "total": total}
         return _write_index(out, CampaignResult(tuple(entries), joint, (*findings, *more), timing, now()))
@@ -216,12 +219,12 @@ def _write_index(out: Path, result: CampaignResult) -> dict[str, Any]:
 
 @on_one_thread
 def joint_fit(
-    count: int, read: Callable[[int], JointInput], threads: int
+    count: int, read: Callable[[int], JointInput], threads: int, folders: Sequence[str] = ()
 ) -> tuple[CampaignFit | None, tuple[Finding, ...]]:
     """Return the joint fit; recordings of different pumps or groups, or of ids that repeat, cannot be fitted together.
 
     ``read`` gives what it needs of one of ``count`` usable recordings; nothing is held of those that cannot be fitted
-    together. As many as ``threads`` are worked at side by side.
+    together. As many as ``threads`` are worked at side by side. ``folders`` tell recordings of one id apart.
     """
     if count < 2:
         return _none(f"{counted(count, 'usable recording', 'usable recordings')}, a joint fit needs at least 2")
@@ -235,10 +238,10 @@ def joint_fit(
             known.clear()
         else:
             known.append(held(item))
+    apart = differences(dict(zip(_told_apart(known, folders), (item.stated for item in known), strict=True)))
     mixed = _mixed(pumps)
     if mixed:
-        return _none(f"no joint fit: {mixed}")
-    apart = differences({item.name: item.stated for item in known})
+        return _none(f"no joint fit: {mixed}", *difference_findings(apart))
     pump = "; ".join(f"{name} {text}" for name, text in apart.items() if name in DIMENSIONS)
     if pump:
         return _none(f"no joint fit: found {pump}, expected the dimensions of one pump; correct the wrong one")
@@ -246,6 +249,16 @@ def joint_fit(
         return fit_joint(known, read, threads), (*difference_findings(apart), *_repeated(same.values()))
     except Refusal as refusal:
         return _none(str(refusal), *difference_findings(apart))
+
+
+def _told_apart(known: Sequence[FittedAlone], folders: Sequence[str]) -> list[str]:
+    """Return the names of recordings, those that repeat with their folders, or their numbers where there are none."""
+    often = Counter(item.name for item in known)
+    places = folders or [str(number) for number in range(1, len(known) + 1)]
+    return [
+        item.name if often[item.name] == 1 else f"{item.name} ({place})"
+        for item, place in zip(known, places, strict=False)
+    ]
 
 
 def _mixed(pumps: Mapping[str, Sequence[str]]) -> str:

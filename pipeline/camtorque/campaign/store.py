@@ -8,7 +8,7 @@ import os
 import pickle
 import shutil
 import zlib
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -46,10 +46,14 @@ NO_PICKLE = (pickle.UnpicklingError, EOFError, AttributeError, ImportError, Type
 def campaign_folder(out: Path) -> Iterator[Path]:
     """Give the folder of the results below ``out``, for one campaign at a time; what killed workers left is removed.
 
+    Where nothing was finished in a new one, no folder is left.
+
     Raises
     ------
     Refusal : ``out`` holds something else or cannot be written; another campaign is writing there
     """
+    first = not (out / MARK).exists()
+    new = [folder for folder in (out, *out.parents) if not folder.exists()]
     runs = prepare_folder(out)
     lock = os.open(out / MARK, os.O_RDWR)
     try:
@@ -63,6 +67,17 @@ def campaign_folder(out: Path) -> Iterator[Path]:
             clear_partials(runs)
     finally:
         os.close(lock)
+        if first:
+            _remove_empty(out, new)
+
+
+def _remove_empty(out: Path, new: Sequence[Path]) -> None:
+    """Remove the folders that were made for a campaign of which nothing was finished."""
+    with suppress(OSError):  # of one that is not empty
+        (out / "runs").rmdir()
+        (out / MARK).unlink()
+        for folder in new:
+            folder.rmdir()
 
 
 def prepare_folder(out: Path) -> Path:

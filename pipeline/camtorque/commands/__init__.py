@@ -7,7 +7,7 @@ run, ...      ``execute(arguments, tell) -> Outcome``, one module per command
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -49,9 +49,11 @@ class Outcome:
     document : the same for a program (`--json`); empty where the command has none
     status : exit status
     stream : text and document of things that are printed as they happen, before ``text``
+    notes : lines for standard error, beside a text that scripts read
     """
 
     text: str
     document: Mapping[str, Any]
     status: int = 0
     stream: Iterable[tuple[str, Mapping[str, Any]]] = ()
+    notes: Sequence[str] = ()

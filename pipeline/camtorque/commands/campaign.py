@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict
 
 from camtorque.campaign import CampaignOptions, list_recordings, prune, run_campaign, run_only
+from camtorque.campaign.find import search
 from camtorque.commands import FAULTS, REFUSED, Outcome, Tell
 from camtorque.commands.run import run_options
 from camtorque.commands.texts import campaign_table
@@ -30,9 +32,13 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
 
 
 def _list(arguments: argparse.Namespace, tell: Tell) -> Outcome:
+    _, findings = search(arguments.folder)
     rows = list_recordings(arguments.folder, arguments.out, run_options(arguments, tell))
     text = "\n".join(f"{row['name']}\t{row['status']}\t{row['key']}" for row in rows)
-    return Outcome(text, {"schema": "camtorque.list/1", "recordings": rows})
+    told = [asdict(finding) for finding in findings]
+    # scripts take every line of the list for a recording
+    notes = tuple(f"{finding.where}: {finding.text}" for finding in findings if finding.severity != "info")
+    return Outcome(text, {"schema": "camtorque.list/1", "recordings": rows, "findings": told}, notes=notes)
 
 
 def _only(arguments: argparse.Namespace, tell: Tell) -> Outcome:

@@ -30,7 +30,9 @@ UNSAFE = re.compile(r"[^\w.-]+")
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     """Write the tables of each report, or one trend over all."""
     require(PACKAGES.get(arguments.format, ()), f"--format {arguments.format}", "tables")
-    documents = read_results(arguments.results)
+    documents, repeated = read_results(arguments.results), dict[str, str]()
+    if arguments.trend:
+        documents, repeated = each_once(documents)
     check_writable(arguments.out)
     if (arguments.out / SUMS).exists():
         raise Refusal(
@@ -43,7 +45,25 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
         )
     paths = [arguments.out / path.name for path in written]
     text = "\n".join(str(path) for path in paths)
-    return Outcome(text, {"schema": "camtorque.export/1", "files": [str(path) for path in paths]})
+    notes = tuple(f"{one} and {other} are of the same inputs: {other} alone is counted, the newer"
+                  for one, other in repeated.items())  # fmt: skip
+    document = {"schema": "camtorque.export/1", "files": [str(path) for path in paths], "repeated": [*repeated]}
+    return Outcome(text, document, notes=notes)
+
+
+def each_once(documents: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
+    """Return the newest report of each recording, and the others: folder -> that of the one that counts.
+
+    A recording is the same by the SHA-256 of all its inputs; reports made from arrays, which have none, all count.
+    """
+    inputs = {
+        folder: frozenset(row["sha256"] for row in document["inputs"]) or folder
+        for folder, document in documents.items()
+    }
+    newest = sorted(documents, key=lambda folder: str(documents[folder].get("created")))
+    kept = {inputs[folder]: folder for folder in newest}
+    repeated = {folder: kept[inputs[folder]] for folder in documents if kept[inputs[folder]] != folder}
+    return {folder: document for folder, document in documents.items() if folder not in repeated}, repeated
 
 
 def _tables(arguments: argparse.Namespace, documents: Mapping[str, Any], tell: Tell, out: Path) -> list[Path]:

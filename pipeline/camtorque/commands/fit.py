@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from typing import Any
 
 import lmfit
@@ -14,6 +15,8 @@ from camtorque.lmfit_minimizer import Intervals
 from camtorque.process.second_process import second_process
 from camtorque.records import Refusal
 from camtorque.units import did_you_mean
+
+PERCENT = re.compile(r" \(([\d.]+|inf|nan)%\)")
 
 
 def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
@@ -30,10 +33,15 @@ def execute(arguments: argparse.Namespace, tell: Tell) -> Outcome:
     if arguments.intervals:
         tell("seeking the intervals")
         found = minimizer.intervals(found.result, arguments.intervals)
-    lines = [lmfit.fit_report(found.result, show_correl=False)]
+    lines = [plain_percent(lmfit.fit_report(found.result, show_correl=False))]
     if found.rows:
         lines += ["", lmfit.ci_report(found.rows), *(f"note: {note}" for note in found.notes)]
     return Outcome("\n".join(lines), jsonable(_document(found)))
+
+
+def plain_percent(report: str) -> str:
+    """Return a report of lmfit without errors of more than a value in percent of it: beside nothing all are large."""
+    return PERCENT.sub(lambda found: found[0] if float(found[1]) <= 100.0 else "", report)
 
 
 def _refuse_unknown(names: list[str], parameters: lmfit.Parameters) -> None:

@@ -21,10 +21,11 @@ from camtorque.config import (
     SensorRef,
     TriggerSpec,
 )
+from camtorque.config.absent import MOST_LISTED
 from camtorque.config.keys import TableSchema
 from camtorque.config.quantities import ANGLE_QUANTITIES, CHANNEL_QUANTITIES, SENSOR_QUANTITIES, channel_factor
 from camtorque.config.schemas import RECORDING_FILE, RECORDING_SCHEMA, RECORDING_TABLES, SHEET_KEYS
-from camtorque.config.tables import MOST_LISTED, Problems, Table, read_keys, read_schema
+from camtorque.config.tables import Problems, Table, read_keys, read_schema
 from camtorque.records import Finding, Refusal
 from camtorque.units import BORDER_UNITS, did_you_mean, first_of, tidy_unit, unit_factor
 

@@ -12,9 +12,10 @@ from datetime import date, datetime, time
 from pathlib import Path
 from typing import Any
 
+from camtorque.config.absent import no_file, what_is_beside
 from camtorque.config.keys import UNKNOWN, Key, TableSchema
 from camtorque.records import CONTROL, Refusal
-from camtorque.units import did_you_mean, expected_one_of, first_of
+from camtorque.units import did_you_mean, expected_one_of
 
 LARGEST_FILE = 512 * 1024
 """A bench file has a few kilobytes; beyond this the parser itself could take minutes [bytes]."""
@@ -22,13 +23,14 @@ LONGEST_KEY = 100
 """Parts of a dotted key: each costs the parser as much as all before it."""
 LONGEST_TEXT = 4096
 MOST_LISTED = 8
-"""Files of a folder, or problems of a file, that a refusal names."""
+"""Problems of a file that a refusal names."""
 DECIMAL_COMMA = re.compile(r"[\w.\- ]+=\s*[+-]?[\d.']*\d,\d+([eE][+-]?\d+)?\s*(#.*)?")
 OTHER_SCHEMA = re.compile(r"(camtorque-[a-z]+|fip-bench-recording)/\d+")
 TOML_SLIPS = {
     "Cannot overwrite": "it is given twice: remove one",
     "[\u201c\u201d\u201e]": 'write straight quotes "',
     r": [\w-]+\s*=\s*[+-]?\d[\d.]*\s*[^\W\d]": "write the number alone: the name of the key says the unit",
+    r"Invalid value.*: [\w-]+\s*=\s*[^\W\d]": 'text stands in quotes, as in edge = "rising"; true and false do not',
 }
 """What the reader says, or the line holds -> what to do."""
 BETWEEN_KEYS = re.compile(r"[,=\[\]{}#]")
@@ -96,34 +98,6 @@ def _named_line(text: str, said: str) -> tuple[int, str]:
     found, lines = re.search(r"at line (\d+)", said), text.split("\n")
     number = int(found[1]) if found and int(found[1]) <= len(lines) else 0
     return (number, lines[number - 1].strip()) if number else (0, "")
-
-
-def no_file(path: Path) -> str:
-    """Return what is wrong with a path that is no file, in words."""
-    if path.exists():
-        return "is a folder" if path.is_dir() else "is a pipe or a device"
-    return "is a symbolic link that leads nowhere" if path.is_symlink() else "no such file"
-
-
-def what_is_beside(path: Path, *, toml: bool = False) -> str:
-    """Return the file that the path of a missing log or table may mean, as a question, or what the folder holds.
-
-    ``toml``: a TOML file is missing, and only such are looked for.
-    """
-    folder = path if path.is_dir() else path.parent
-    if path.exists() and folder != path:
-        return ""
-    if "\\" in path.name:
-        return "; its name holds a backslash: write / between folders"
-    if not folder.is_dir():
-        return f"; there is no folder {path.parent}"
-    found = (item for item in folder.iterdir() if item.is_file() and (item.suffix == ".toml") is toml)
-    names = tuple(sorted(item.name for item in found))
-    nothing = "no TOML file" if toml else "no log or table"
-    held = f"holds {first_of(names, MOST_LISTED) or nothing}"
-    if folder == path:
-        return f"; it {held}"
-    return did_you_mean(path.name, names) or ("" if toml and not names else f"; its folder {held}")
 
 
 def read_schema(file: Path, schema: str, expected: str) -> tuple[str, Table]:

@@ -15,7 +15,7 @@ from camtorque.ingest.cells import UNDATED
 from camtorque.ingest.csv_layout import CsvLayout
 from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, name_and_unit, numbered_name
 from camtorque.ingest.listing import MOST_ALIKE, RATE_SAMPLES, time_unit_of
-from camtorque.ingest.raw import ArraySource, RawChannel, RawFile
+from camtorque.ingest.raw import ArraySource, RawChannel, RawFile, refuse_other_unit
 from camtorque.ingest.stamps import DAY, RATE_NOTE, Stamps, agreed_rate, date_of, read_stamps
 from camtorque.ingest.table_rows import are_changes, at, held, own_rows, rows_of, spaced, where_timed
 from camtorque.records import Finding, Refusal, SampleSource
@@ -28,29 +28,35 @@ PULSES = [name for name, quantity in CHANNEL_QUANTITIES.items() if quantity.is_p
 def raw_file(
     path: Path, layout: CsvLayout, sources: Mapping[int, SampleSource], specs: tuple[ChannelSpec, ...]
 ) -> RawFile:
-    """Return the channels of columns that were read; ``sources`` holds them by number, the time column too."""
-    channels: list[RawChannel] = []
-    findings: list[Finding] = []
+    """Return the channels of columns that were read; ``sources`` holds them by number, the time column too.
+
+    Raises
+    ------
+    Refusals : all that is wrong with them
+    """
+    problems, channels, findings = Problems(), list[RawChannel](), list[Finding]()
     seen: set[tuple[int | None, int]] = set()
     fastest = max(spec.sample_rate for spec in specs)
     for spec, (column, time) in zip(specs, columns_of(path, layout, specs), strict=True):
-        source, stamps, cut = where_timed(sources[column], sources.get(time) if time is not None else None, path)
-        if stamps is not None and time is not None:
-            source, stamps = own_rows(source, stamps)
-            if spec.quantity in PULSES and are_changes(source, stamps):
-                base, stamp, source = _held(path, layout, spec, time, source, stamps)
-                channels.append(base.channel(spec.channel, layout.units[column], source, stamp))
-                findings += (*base.findings, *cut)
-                continue
-        every = round(fastest / spec.sample_rate)
-        rows = rows_of(source, every)
-        own = (at(rows, source), stamps and at(rows, stamps))
-        if rows.step < every and stamps is not None and (apart := spaced(source, stamps, every)):
-            rows, own = slice(0, None, every), apart
-        base, stamp = _times(path, layout, own[1], time, spec, rows)
-        channels.append(base.channel(spec.channel, layout.units[column], own[0], stamp))
-        findings += (*base.findings, *cut) if (time, rows.step) not in seen else ()
-        seen.add((time, rows.step))
+        with problems.collecting():
+            source, stamps, cut = where_timed(sources[column], sources.get(time) if time is not None else None, path)
+            if stamps is not None and time is not None:
+                source, stamps = own_rows(source, stamps)
+                if spec.quantity in PULSES and are_changes(source, stamps):
+                    base, stamp, source = _held(path, layout, spec, time, source, stamps)
+                    channels.append(base.channel(spec.channel, layout.units[column], source, stamp))
+                    findings += (*base.findings, *cut)
+                    continue
+            every = round(fastest / spec.sample_rate)
+            rows = rows_of(source, every)
+            own = (at(rows, source), stamps and at(rows, stamps))
+            if rows.step < every and stamps is not None and (apart := spaced(source, stamps, every)):
+                rows, own = slice(0, None, every), apart
+            base, stamp = _times(path, layout, own[1], time, spec, rows)
+            channels.append(base.channel(spec.channel, layout.units[column], own[0], stamp))
+            findings += (*base.findings, *cut) if (time, rows.step) not in seen else ()
+            seen.add((time, rows.step))
+    problems.raise_any()
     return RawFile(tuple(channels), tuple(findings))
 
 
@@ -111,21 +117,23 @@ def columns_of(path: Path, layout: CsvLayout, specs: tuple[ChannelSpec, ...]) ->
 
     Raises
     ------
-    Refusals : see `_column_of`; every channel whose column is not there
-    Refusal : recording.toml names a time column that is not there
+    Refusals : see `_column_of`; every channel whose column, or the time column that recording.toml names, is not there,
+        or in another unit
     """
-    problems, columns, times = Problems(), list[int](), list[int | None]()
+    problems, found = Problems(), list[tuple[int, int | None]]()
+    names = tuple(spec.channel for spec in specs)
     for spec in specs:
         with problems.collecting():
-            columns.append(_column_of(path, layout, spec.channel))
+            column = _column_of(path, layout, spec.channel)
+            time = layout.time_column(spec.time_channel, names, column)
+            found.append((column, time))
+            with problems.collecting():
+                refuse_other_unit(spec, layout.units[column])
+            if spec.time_channel and time is None:
+                shown = ", ".join(layout.names)
+                raise Refusal(f"{path}: no time column {spec.time_channel!r}; the columns are {shown}")
     problems.raise_any()
-    names = tuple(spec.channel for spec in specs)
-    for spec, column in zip(specs, columns, strict=True):
-        times.append(layout.time_column(spec.time_channel, names, column))
-        if spec.time_channel and times[-1] is None:
-            shown = ", ".join(layout.names)
-            raise Refusal(f"{path}: no time column {spec.time_channel!r}; the columns are {shown}")
-    return list(zip(columns, times, strict=True))
+    return found
 
 
 def _column_of(path: Path, layout: CsvLayout, name: str) -> int:

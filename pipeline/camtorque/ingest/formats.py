@@ -6,12 +6,12 @@ The modules are loaded when a file of their format is read, so a format costs no
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
 
 from camtorque.config import ChannelSpec
-from camtorque.config.tables import no_file, what_is_beside
+from camtorque.config.absent import no_file, what_is_beside
 from camtorque.ingest.csv_layout import HEAD_BYTES, utf16
 from camtorque.ingest.raw import FileChannel, RawFile
 from camtorque.records import Refusal
@@ -124,14 +124,14 @@ def content_format(head: bytes) -> str:
     return next((name for name, form in FORMATS.items() if form.begins(head)), "")
 
 
-def file_format(path: Path, declared: str) -> str:
-    """Return the format of a log.
+def file_format(path: Path, declared: str, used: Collection[Path] = ()) -> str:
+    """Return the format of a log; of ``used`` files none is meant by the name of one that is missing.
 
     Raises
     ------
     Refusal : a missing or empty file, content of no known format, or of another one than declared
     """
-    head = first_bytes(path)
+    head = first_bytes(path, used)
     found = content_format(head)
     other = next((name for name, begins in UNREADABLE.items() if begins(head)), "")
     if found and declared in ("", found):
@@ -150,13 +150,13 @@ def file_format(path: Path, declared: str) -> str:
     raise Refusal(f"{path}: the content is {said}; expected one of {shown}: {ask}")
 
 
-def first_bytes(path: Path) -> bytes:
-    """Return the first bytes of a log, which has to be there and hold something."""
+def first_bytes(path: Path, used: Collection[Path] = ()) -> bytes:
+    """Return the first bytes of a log, which has to be there and hold something; ``used`` as for `file_format`."""
     try:
         if not path.is_file():
             raise Refusal(
                 f"{path}: {no_file(path)}, expected a log; recording.toml names logs relative to its own folder"
-                f"{what_is_beside(path)}"
+                f"{what_is_beside(path, used=used)}"
             )
         with path.open("rb") as file:
             head = file.read(HEAD_BYTES)

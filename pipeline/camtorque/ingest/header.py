@@ -20,6 +20,8 @@ MAYBE_TIME = re.compile(r"^(t|x)$", re.IGNORECASE)
 """Time, unless a column is named outright so, or the recording takes it for a channel."""
 BRACKETS = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]$")
 INNER_BRACKETS = re.compile(r"^(?P<name>.*?)\s*\((?P<unit>[^()]*\([^()]*\))\)$")
+SQUARE_BRACKETS = re.compile(r"^(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]$")
+"""p [bar(a)]"""
 IN_UNIT = re.compile(r"^(?P<name>.*?)\s*\bin (?P<unit>\S+)$")
 """Torque in Nm, C1 in V, in s."""
 SLASH = re.compile(r"^(?P<name>.*\S)\s*/\s+(?P<unit>\S.*)$")
@@ -80,7 +82,7 @@ def is_number(field: str) -> bool:
 
 def name_and_unit(field: str) -> tuple[str, str]:
     """Return name and unit of a header field; the unit stands in brackets, or behind a slash if it is a known one."""
-    for pattern in (INNER_BRACKETS, BRACKETS):
+    for pattern in (INNER_BRACKETS, SQUARE_BRACKETS, BRACKETS):
         if match := pattern.match(field):
             return match["name"], match["unit"]
     if unit := time_unit(field):

@@ -14,7 +14,9 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from camtorque.config import ChannelSpec
 from camtorque.records import Array, Finding, Refusal, SampleSource
+from camtorque.units import is_known_unit, tidy_unit
 
 IN_MEMORY_BYTES = 64 * 2**20
 """Decoded data of one file up to this size are kept in memory; beyond it they are read in pieces from disk."""
@@ -23,6 +25,8 @@ ALWAYS_UNPACKED = 256 * 2**20
 """Data up to this size are unpacked however well they are packed [bytes]."""
 BEST_PACKING = 50
 """Measured signals pack ten to one at best; what claims more beyond `ALWAYS_UNPACKED` is a bomb."""
+SUPPLY = "supply"
+"""Quantity of the supply of a bridge, which is recorded beside it in a unit that recording.toml does not state."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,16 @@ class RawFile:
 
     channels: tuple[RawChannel, ...]
     findings: tuple[Finding, ...] = ()
+
+
+def refuse_other_unit(spec: ChannelSpec, unit: str) -> None:
+    """Refuse a channel whose file states another unit than recording.toml."""
+    known = unit.strip("-") and is_known_unit(unit) and spec.quantity != SUPPLY
+    if known and tidy_unit(unit) != tidy_unit(spec.unit):
+        raise Refusal(
+            f"{spec.path} {spec.channel!r}: the file's unit is {unit!r}, recording.toml says {spec.unit!r}; "
+            "correct the one that is wrong"
+        )
 
 
 def missing_samples(found: int, declared: float, where: str) -> tuple[Finding, ...]:

@@ -145,13 +145,12 @@ def _read_files(config: RecordingConfig, problems: Problems) -> tuple[dict[Chann
     declared = declared_format(config.file_format, str(config.path))
     raw: dict[ChannelSpec, RawChannel] = {}
     findings: list[Finding] = []
-    for file in dict.fromkeys(spec.path for spec in config.channels):
+    files = dict.fromkeys(spec.path for spec in config.channels)
+    for file in files:
         with problems.collecting():
-            form = FORMATS[file_format(file, declared)]
+            form = FORMATS[file_format(file, declared, files)]
             specs = tuple(spec for spec in config.channels if spec.path == file)
             result: RawFile = form.read(file, with_supplies(specs), config.csv_dialect)
-            for spec, channel in zip(specs, result.channels, strict=False):
-                _refuse_other_unit(spec, channel)
             raw |= dict(zip(specs, over_supplies(specs, result.channels), strict=True))
             findings += result.findings
     return raw, findings
@@ -227,15 +226,6 @@ def _channel(
 def _scale(spec: ChannelSpec) -> tuple[float, bool]:
     """Return the factor to volts (or to SI for values that are scaled already), and whether they are volts."""
     return channel_factor(spec.quantity, spec.output_unit, f"{spec.path} {spec.channel!r} unit")
-
-
-def _refuse_other_unit(spec: ChannelSpec, raw: RawChannel) -> None:
-    """Refuse a channel whose file states another unit than recording.toml."""
-    if raw.unit.strip("-") and is_known_unit(raw.unit) and tidy_unit(raw.unit) != tidy_unit(spec.unit):
-        raise Refusal(
-            f"{spec.path} {spec.channel!r}: the file's unit is {raw.unit!r}, recording.toml says {spec.unit!r}; "
-            "correct the one that is wrong"
-        )
 
 
 def _idle_zero(

@@ -16,7 +16,7 @@ import numpy as np
 
 from camtorque.config import ChannelSpec
 from camtorque.config.quantities import CHANNEL_QUANTITIES
-from camtorque.ingest.raw import PairSource, RawChannel
+from camtorque.ingest.raw import SUPPLY, PairSource, RawChannel
 from camtorque.ingest.sheet import Sheet
 from camtorque.ingest.table_file import read_small_table
 from camtorque.records import Array, Finding, Refusal
@@ -49,7 +49,6 @@ LEAST_POINTS = 3
 STANDS_OUT, STANDS_OUT_PERCENT = 10.0, 0.2
 """A point is told that lies off the line through the others by so many times their scatter, and so much of the range:
 hysteresis and reading leave a tenth of a percent."""
-SUPPLY = "supply"
 LOOKED_AT = 100_000
 SUPPLIES = (0.5, 30.0)
 """Supplies of strain gauge bridges [V]: 1 to 24 V in use."""

@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camtorque.config import ChannelSpec
+from camtorque.config.tables import Problems
 from camtorque.ingest.columns import times_beside
 from camtorque.ingest.header import time_unit
 from camtorque.ingest.listing import usual_rate, with_times
-from camtorque.ingest.raw import FileChannel, RawChannel, RawFile, missing_samples, refusing
+from camtorque.ingest.raw import FileChannel, RawChannel, RawFile, missing_samples, refuse_other_unit, refusing
 from camtorque.ingest.stamps import Stamps, agreed_rate, break_findings
 from camtorque.records import Array, Finding, Refusal, SampleSource
 from camtorque.units import did_you_mean, first_of, unit_factor
@@ -71,14 +72,22 @@ Find = Callable[[str, str], Stored]
 
 
 def read_stored(path: Path, kind: str, specs: tuple[ChannelSpec, ...], find: Find) -> RawFile:
-    """Return the channels that a recording names; what a library raises is a refusal that names the channel."""
-    channels: list[RawChannel] = []
-    findings: list[Finding] = []
+    """Return the channels that a recording names; what a library raises is a refusal that names the channel.
+
+    Raises
+    ------
+    Refusals : all that is wrong with them
+    """
+    problems, channels, findings = Problems(), list[RawChannel](), list[Finding]()
     for spec in specs:
-        with refusing(path, kind, f"{spec.group}/{spec.channel}".lstrip("/")):
-            channel, more = _channel(path, spec, specs, find)
-        channels.append(channel)
-        findings += more
+        with problems.collecting(), refusing(path, kind, f"{spec.group}/{spec.channel}".lstrip("/")):
+            item = find(spec.group, spec.channel)
+            with problems.collecting():
+                refuse_other_unit(spec, item.unit)
+            channel, more = _channel(path, spec, item, specs, find)
+            channels.append(channel)
+            findings += more
+    problems.raise_any()
     return RawFile(tuple(channels), tuple(findings))
 
 
@@ -130,9 +139,8 @@ def chosen(path: Path, held: Sequence[tuple[Sequence[str], str, Any]], group: st
 
 
 def _channel(
-    path: Path, spec: ChannelSpec, specs: tuple[ChannelSpec, ...], find: Find
+    path: Path, spec: ChannelSpec, item: Stored, specs: tuple[ChannelSpec, ...], find: Find
 ) -> tuple[RawChannel, tuple[Finding, ...]]:
-    item = find(spec.group, spec.channel)
     name, count = f"{item.group}/{item.name}".strip("/"), item.source.n_samples
     if not count:
         raise Refusal(f"{path}: channel {name!r} holds no samples; the logger wrote none: record it again")

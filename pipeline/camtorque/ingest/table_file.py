@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from camtorque.config.tables import no_file, what_is_beside
+from camtorque.config.absent import no_file, what_is_beside
 from camtorque.ingest.csv_layout import HEAD_BYTES, utf16
 from camtorque.ingest.csv_table import grouped, split_row
 from camtorque.ingest.formats import UNREADABLE, ZIP_MAGIC

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from camtorque.config import ChannelSpec
+from camtorque.config.tables import Problems
 from camtorque.ingest.cells import LEVELS, is_stamp, unwrapped
 from camtorque.ingest.columns import columns_of, raw_file
 from camtorque.ingest.csv_layout import CsvLayout
@@ -36,17 +37,18 @@ Row = tuple[Any, ...]
 
 def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read columns of a sheet."""
-    found: dict[ChannelSpec, RawChannel] = {}
-    findings: list[Finding] = []
+    problems, found, findings = Problems(), dict[ChannelSpec, RawChannel](), list[Finding]()
     for group in sorted({spec.group for spec in specs}):
-        mine = tuple(spec for spec in specs if spec.group == group)
-        rows = _sheet(path, group)
-        layout = _layout(path, rows, tuple(spec.channel for spec in mine))
-        wanted = {number for place in columns_of(path, layout, mine) for number in place if number is not None}
-        _refuse_other_header(path, rows, layout)
-        result = raw_file(path, layout, _sources(path, rows, layout, sorted(wanted)), mine)
-        found |= dict(zip(mine, result.channels, strict=True))
-        findings += result.findings
+        with problems.collecting():
+            mine = tuple(spec for spec in specs if spec.group == group)
+            rows = _sheet(path, group)
+            layout = _layout(path, rows, tuple(spec.channel for spec in mine))
+            wanted = {number for place in columns_of(path, layout, mine) for number in place if number is not None}
+            _refuse_other_header(path, rows, layout)
+            result = raw_file(path, layout, _sources(path, rows, layout, sorted(wanted)), mine)
+            found |= dict(zip(mine, result.channels, strict=True))
+            findings += result.findings
+    problems.raise_any()
     return RawFile(tuple(found[spec] for spec in specs), tuple(findings))
 
 

@@ -10,17 +10,31 @@ from camtorque.hashes import real_path
 from camtorque.records import Refusal
 
 
-def files_below(folder: Path, name: str) -> list[Path]:
+def files_below(folder: Path, name: str, closed: list[Path] | None = None) -> list[Path]:
     """Return the files of a name in and below a folder, in order; one that several links lead to once.
+
+    Folders that cannot be looked into are added to ``closed``.
 
     Raises
     ------
-    Refusal : a link leads back to a folder above it
+    Refusal : a link leads back to a folder above it; a folder cannot be looked into, and there is no ``closed``
     """
     first: dict[Path, Path] = {}
-    for path in sorted(walk(folder, name, [])) if folder.is_dir() else []:
+    shut: list[Path] = []
+    for path in sorted(walk(folder, name, shut)) if folder.is_dir() else []:
         first.setdefault(real_path(path), path / name)
+    if closed is not None:
+        closed += shut
+    elif shut:
+        raise Refusal("; also ".join(f"{path}: {why_closed(path, name)}" for path in sorted(shut)))
     return list(first.values())
+
+
+def why_closed(folder: Path, name: str) -> str:
+    """Return why a folder cannot be looked into for files of a name, and what to do."""
+    if folder.is_symlink():
+        return f"is a link that leads nowhere: each {name} behind it is missed; mount or correct what it names"
+    return f"may not be read: each {name} in it is missed; correct its rights"
 
 
 def walk(folder: Path, name: str, closed: list[Path], above: tuple[tuple[int, int], ...] = ()) -> Iterator[Path]:

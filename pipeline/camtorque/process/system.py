@@ -50,8 +50,11 @@ def described(error: Exception) -> tuple[str, str]:
 def usable_streams() -> None:
     """Make closed standard streams go nowhere, and let a narrow encoding escape what it lacks.
 
-    A closed one would lend its number to the next file that is opened, and messages would end up in it.
+    A closed one would lend its number to the next file that is opened, and messages would end up in it. In the locale C
+    the bytes of names of files come out as they went in, and all else as UTF-8.
     """
+    plain = sys.getfilesystemencoding() == "ascii" and "PYTHONIOENCODING" not in os.environ
+    how = {"encoding": "utf-8", "errors": "surrogateescape"} if plain else {"errors": "backslashreplace"}
     for number in range(3):
         try:
             os.fstat(number)
@@ -61,7 +64,7 @@ def usable_streams() -> None:
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 - lives as long as the process
         with suppress(AttributeError):  # a stream of a notebook or a test
-            getattr(sys, name).reconfigure(errors="backslashreplace")
+            getattr(sys, name).reconfigure(**how)
 
 
 def silence_output() -> None:

@@ -281,15 +281,17 @@ def end_text(ends: Mapping[str, Estimate], source: FittedAt, known: KnownFit, sp
         return ()
     alike = any(item.structure == source.structure for item in known.recordings)
     kind = ENDED_BY[source.structure]
-    how = (
-        f"by {kind} as in {source.id}: where the line pressure looks as it does there, for the mean sharpness of the "
-        "fitted ends (another begins elsewhere, which is in the band)" if alike else
-        f"by {kind}, as no fitted recording does: where the line pressure looks as it does at their ends; how sharply "
-        "is as unsure as before any fit"
+    how = "as the mean of these; what another sharpness would shift is in the bands" if alike else (
+        "as before any fit, and as unsure"
     )  # fmt: skip
-    return tuple(
-        f"Delivery at {speed_rpm:g} rpm ends at {end.value / per:.3g} ± {2.0 * end.stderr / per:.2g} {unit}, {how}."
-        for end, per, unit in found
+    by = f"by {kind} as in {source.id}" if alike else f"by {kind}, as no fitted recording does"
+    return (
+        *(
+            f"Delivery at {speed_rpm:g} rpm ends at {end.value / per:.3g} ± {2.0 * end.stderr / per:.2g} {unit}, {by}."
+            for end, per, unit in found
+        ),
+        f"Delivery by {kind} is taken to end where the line pressure looks as it does at the fitted ends, and how "
+        f"sharply {how}.",
     )
 
 
