@@ -192,7 +192,7 @@ def attribution(pair: TwoRecordings) -> tuple[Attribution, TwoRecordings]:
     least = min(states.values(), key=lambda state: objective(pair, state))
     pair = with_difference(pair, pair.values(least.before), 0.5 * (least.residuals[0] + least.residuals[1]))
     states = nested(pair, polished(pair, states))
-    factors = min((inflation(pair, state) for state in states.values()), key=lambda item: item[1])
+    factors = min((inflation(pair, state) for state in states.values()), key=lambda item: (item[1], item[0]))
     roots = [root * np.sqrt(f) for root, f in zip((pair.mean_root, pair.difference_root), factors, strict=True)]
     pair = replace(pair, mean_root=roots[0], difference_root=roots[1])
     found, names = searched(pair, states, groups), may_differ(pair)

@@ -16,8 +16,9 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from camtorque.fit.gains import GAINS
-from camtorque.fit.pair import TwoRecordings, at_angle
+from camtorque.fit.pair import TwoRecordings
 from camtorque.fit.prepare import INDEPENDENT
+from camtorque.fit.turned import at_angle
 from camtorque.fit.uncertainty import LEAST_FREEDOM
 from camtorque.laws.chain import ChainOutput, coefficients_of, derivative_by, evaluate
 from camtorque.records import Array, ReadOnly

@@ -21,6 +21,7 @@ from camtorque.fit.residual import mean_square_about
 from camtorque.fit.rig_rows import own_rows
 from camtorque.fit.single import Prepared
 from camtorque.fit.solver import lift_at
+from camtorque.fit.turned import angle_between, at_angle, without_noise_apart
 from camtorque.ingest.stated import other_triggers, stated
 from camtorque.laws import ripple
 from camtorque.laws.chain import BINS, COLUMN_NAMES, ChainInput, binned, coefficients_of, derivative_by, evaluate
@@ -54,10 +55,6 @@ EDGE_SHARE = 0.5
 LEAST_EDGE = np.radians(0.002)
 MOST_WORSE = 300.0
 """Chi-square by which a minimum may explain the first recording worse than the best one and still be compared in."""
-TURNS = 4
-"""Gauss-Newton steps to the angle between two cycles from the best one of their grid."""
-REACH = np.radians(8.0)
-"""Angle within which one cycle is looked for in another: more than any two teeth are mounted apart."""
 COMMON_TIME_BASE = "common time base"
 START_ERROR = 8.0e-6
 """Standard error of the start of a file that shares a time base with others but starts by itself [s]: headers write it
@@ -77,6 +74,7 @@ class TwoRecordings(ReadOnly):
     mean_root, difference_root : (BINS, BINS) lower Cholesky factors of the covariances [N m]
     expected : chi-square of the difference that these covariances lead to expect where nothing is fitted
     other_trigger : whether triggers are declared differently, so that nothing ties the angle of one to the other
+    wander : standard error of the angle between both means by how the angles of single cycles scatter [rad]
     """
 
     items: tuple[FitData, FitData]
@@ -87,6 +85,7 @@ class TwoRecordings(ReadOnly):
     difference_root: Array
     expected: float
     other_trigger: bool = False
+    wander: float = 0.0
 
     @property
     def own(self) -> dict[str, float]:
@@ -96,7 +95,7 @@ class TwoRecordings(ReadOnly):
         wide["torque_zero"] = np.hypot(wide["torque_zero"], ZERO_DRIFT * np.max(np.abs(self.items[0].torque)))
         edges = [np.nan_to_num(c.trigger_jitter_s) * c.mean_speed for c in self.cycles]
         start = self.start_error
-        turned = np.hypot(EDGE_SHARE * np.hypot(*edges), start * self.cycles[0].mean_speed)
+        turned = np.hypot(EDGE_SHARE * np.hypot(*edges), np.hypot(start * self.cycles[0].mean_speed, self.wander))
         if not self.other_trigger:
             wide["trigger_offset"] = max(float(turned), LEAST_EDGE)
         wide["delay_error"] = float(np.hypot(self.clock_error, start))
@@ -171,8 +170,13 @@ def pair_of(before: Prepared, after: Prepared, start: Candidate) -> TwoRecording
     """Return two recordings of one speed in the structure of one of the minima of the first, not weighed yet."""
     # what the transducer did not see lies where the torque does, also where a trigger stands elsewhere
     lost = start.data.chain.shaft_torque - before.measured
-    angle = angle_between(*(over_even_angle(_mean_torque(side), _swing(side)) for side in (before, after)))
-    items = _item(before, start.data, lost), _item(after, start.data, at_angle(lost, angle))
+    torques = [over_even_angle(_mean_torque(side), _swing(side)) for side in (before, after)]
+    angle = angle_between(*torques)
+    twisting = without_noise_apart(torques, angle, [_torque(side) for side in (before, after)])
+    items = (
+        _item(before, start.data, twisting[0] + lost),
+        _item(after, start.data, twisting[1] + at_angle(lost, angle)),
+    )
     problem = start.problem
     names = (*(item.row.name for item in problem.parameters), *GAINS)
     values, coefficients = problem.values(start.solution.z, 0)
@@ -188,35 +192,14 @@ def has_other_load(ratio: float) -> bool:
     return bool(abs(np.log(ratio)) > OTHER_LOAD)
 
 
-def at_angle(values: Array, angle: float) -> Array:
-    """Return periodic columns read later by an angle, (n,) or (n, m) [rad]."""
-    orders = np.arange(values.shape[0] // 2 + 1).reshape(-1, *[1] * (values.ndim - 1))
-    turned = np.fft.rfft(values, axis=0) * np.exp(1j * orders * angle)
-    return np.asarray(np.fft.irfft(turned, values.shape[0], axis=0))
-
-
-def angle_between(one: Array, other: Array) -> float:
-    """Return the angle by which one periodic signal (n,) has to be read later to be most like another [rad]."""
-    spectrum, step = np.fft.rfft(one), 2.0 * np.pi / one.size
-    orders, reach = np.arange(spectrum.size), round(REACH / step)
-    # a shaft that rings has a next best angle each of its periods, where a descent from none would end
-    alike = np.roll(np.fft.irfft(spectrum * np.conj(np.fft.rfft(other)), one.size), reach)[: 2 * reach + 1]
-    angle = (int(np.argmax(alike)) - reach) * step
-    for _ in range(TURNS):
-        here = spectrum * np.exp(1j * orders * angle)
-        slope, left = (np.fft.irfft(part, one.size) for part in (1j * orders * here, here))
-        angle += float(slope @ (other - left)) / float(slope @ slope)
-    return angle
-
-
 def _weights(bare: tuple[TwoRecordings, Candidate]) -> dict[str, Any]:
     """Return what a pair lacks until it is weighed, by the minimum of the first recording that it stands at."""
     pair, start = bare
     item, lift = pair.items[0], lift_at(start.problem, start.solution.z)
     modes = lift.vectors * lift.strength / item.weight[:, None]
-    noise, laws = scatter_of_both(pair, pair.fixed), np.diag(1.0 / item.weight**2) + modes @ modes.T
-    mean_root = root_of(laws + noise / 4.0)
-    return {"mean_root": mean_root, **_difference_weights(pair, pair.fixed, noise, np.zeros(BINS))}
+    (noise, wander), laws = scatter_of_both(pair, pair.fixed), np.diag(1.0 / item.weight**2) + modes @ modes.T
+    weights = {"mean_root": root_of(laws + noise / 4.0), "wander": wander}
+    return {**weights, **_difference_weights(pair, pair.fixed, noise, np.zeros(BINS))}
 
 
 def with_difference(pair: TwoRecordings, values: Mapping[str, float], left: Array) -> TwoRecordings:
@@ -226,7 +209,7 @@ def with_difference(pair: TwoRecordings, values: Mapping[str, float], left: Arra
     ----------
     left : (BINS,) what the laws leave [N m]; a share of its size is not common to both
     """
-    return replace(pair, **_difference_weights(pair, values, scatter_of_both(pair, values), left))
+    return replace(pair, **_difference_weights(pair, values, scatter_of_both(pair, values)[0], left))
 
 
 def _difference_weights(pair: TwoRecordings, values: Mapping[str, float], noise: Array, left: Array) -> dict[str, Any]:
@@ -244,10 +227,11 @@ def _difference_weights(pair: TwoRecordings, values: Mapping[str, float], noise:
     return {"difference_root": root_of(weighed), "expected": expected}
 
 
-def scatter_of_both(pair: TwoRecordings, values: Mapping[str, float]) -> Array:
-    """Return the covariance of the scatter of the difference, (BINS, BINS) [(N m)^2]."""
+def scatter_of_both(pair: TwoRecordings, values: Mapping[str, float]) -> tuple[Array, float]:
+    """Return the covariance of the scatter of the difference, (BINS, BINS) [(N m)^2], and of its angle [rad]."""
     own = tuple(pair.own)
-    return np.asarray(sum(mean_scatter(c, one, values, own) for c, one in zip(pair.cycles, pair.items, strict=True)))
+    first, second = (mean_scatter(c, one, values, own) for c, one in zip(pair.cycles, pair.items, strict=True))
+    return first[0] + second[0], float(np.hypot(first[1], second[1]))
 
 
 def root_of(covariance: Array) -> Array:
@@ -255,11 +239,11 @@ def root_of(covariance: Array) -> Array:
     return np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
 
 
-def _item(side: Prepared, data: FitData, lost: Array) -> FitData:
+def _item(side: Prepared, data: FitData, shaft_torque: Array) -> FitData:
     cycles, swing = side.cycles, _swing(side)
     torque, pressure = (over_even_angle(part, swing) for part in (_mean_torque(side), np.mean(cycles.pressure, axis=0)))
     chain = replace(
-        data.chain, speed=cycles.mean_speed, line_pressure=pressure, shaft_torque=torque + lost, swing=swing,
+        data.chain, speed=cycles.mean_speed, line_pressure=pressure, shaft_torque=shaft_torque, swing=swing,
         trigger_angle=side.recording.config.trigger.nominal_angle,
     )  # fmt: skip
     rows = {**data.rows, **own_rows(side.recording, cycles), **GAIN_ROWS}
@@ -272,16 +256,22 @@ def _swing(side: Prepared) -> Swing | None:
 
 def _mean_torque(side: Prepared) -> Array:
     """Return the mean torque of all used cycles [N m]."""
+    return np.asarray(np.mean(_torque(side), axis=0))
+
+
+def _torque(side: Prepared) -> Array:
     assert side.cycles.torque is not None
-    return np.asarray(np.mean(side.cycles.torque, axis=0))
+    return side.cycles.torque
 
 
-def mean_scatter(cycles: CamCycles, item: FitData, values: Mapping[str, float], own: Sequence[str]) -> Array:
-    """Return the covariance of the mean residual, (BINS, BINS) [(N m)^2].
+def mean_scatter(
+    cycles: CamCycles, item: FitData, values: Mapping[str, float], own: Sequence[str]
+) -> tuple[Array, float]:
+    """Return the covariance of the mean residual, (BINS, BINS) [(N m)^2], and the standard error of its angle [rad].
 
     Each block of cycles is modelled with its own line pressure, its own zeros and its own end of delivery: what noise,
     jitter and changing loads do to torque and model together is no scatter of the difference, since each recording has
-    its own ``own`` parameters there too.
+    its own ``own`` parameters there too. How far these turn from block to block is how well the mean knows its angle.
     """
     assert cycles.torque is not None
     swing, linear = item.chain.swing, coefficients_of(values)
@@ -296,11 +286,14 @@ def mean_scatter(cycles: CamCycles, item: FitData, values: Mapping[str, float], 
     count = apart.shape[0]
     size = np.sqrt(np.mean(apart**2, axis=0)) + 1e-12
     columns = derivative_by(evaluate(item.chain, values, linear, tangents=True), own) / size[:, None]
-    columns /= np.linalg.norm(columns, axis=0) + 1e-300
+    length = np.linalg.norm(columns, axis=0) + 1e-300
+    columns /= length
     share = np.linalg.lstsq(columns, (apart / size).T, rcond=1e-6)[0]
     apart = apart - (columns @ share).T * size
     covariance = apart.T @ apart / (count - 1) / count
-    return np.asarray(0.5 * (covariance + np.diag(np.diag(covariance))))
+    angles = (share / length[:, None])[[name == "trigger_offset" for name in own]]
+    wander = float(np.sqrt(np.sum(angles**2) / (count - 1) / count))
+    return np.asarray(0.5 * (covariance + np.diag(np.diag(covariance)))), wander
 
 
 def shift_covariance(pair: TwoRecordings, values: Mapping[str, float]) -> Array:
