@@ -26,7 +26,7 @@ def dense_solve(
         matrix, vector = np.diag(inverses[first:] + 1e-9), inverses[first:] * means[first:] / scale
         wide = []
         for index, lift in enumerate(lifts):
-            own, columns, target = linear_part(problem, fixed, index, output_at(problem, fixed, index))
+            own, columns, target = linear_part(problem, fixed, index, output_at(problem, z, index))
             full = np.zeros((BINS, scale.size + 1))
             full[:, own - first] = columns * steps[own]
             full[:, -1] = target

@@ -73,5 +73,5 @@ def refined(data: ChainInput, values: dict[str, float]) -> ChainInput:
 
 
 def total_torque(data: ChainInput, values: dict[str, float]) -> np.ndarray:
-    output = evaluate(data, values)
+    output = evaluate(data, values, COEFFICIENTS)
     return output.torque + output.linear @ COEFFICIENTS

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from camtorque.laws import LINEAR_NAMES, ON_BRIDGE, ROWS, chamber
+from camtorque.laws import LINEAR_NAMES, ON_BRIDGE, ON_CONTACT, ROWS, chamber
 from camtorque.laws.chain import (
     NONLINEAR_NAMES,
     ON_CAM,
@@ -28,6 +28,8 @@ from camtorque.laws.driveline import (
 )
 from camtorque.laws.sensor import low_pass, sensor_transfer
 from camtorque.laws.torque import bin_restoring, bin_taps, binned_by, cam_torque
+from camtorque.mechanism.friction import guide_gain
+from camtorque.mechanism.kinematics import path_at
 from laws_cases import COEFFICIENTS, chain_input, refined, start_values, total_torque
 
 SPEED = 60.0
@@ -130,7 +132,7 @@ def test_a_revolution_that_begins_with_what_is_left_has_the_tangents_that_it_sta
 
 def test_tangents_do_not_change_the_values(exact):
     for data, values, output in exact.values():
-        plain = evaluate(data, values)
+        plain = evaluate(data, values, COEFFICIENTS)
         assert plain.derivative is None
         assert plain.pressure_tangents is None
         # the derivative takes one more iteration of each time step, which adds what is below the chamber's tolerance
@@ -141,7 +143,7 @@ def test_tangents_do_not_change_the_values(exact):
 def test_another_transfer_finds_the_cam_as_it_is(exact):
     data, values, output = exact["land"]
     moved = {**values, "cutoff": 0.5 * values["cutoff"], "gain_error": 0.01}
-    found, anew = with_transfer(data, output, moved), evaluate(data, moved)
+    found, anew = with_transfer(data, output, moved), evaluate(data, moved, COEFFICIENTS)
     # both leave the cam alone; the output known here has had one iteration more of each time step
     np.testing.assert_allclose(found.torque, anew.torque, rtol=0.0, atol=1e-6)
     np.testing.assert_allclose(found.linear, anew.linear, rtol=1e-6, atol=1e-9)
@@ -236,14 +238,15 @@ def test_torque_on_the_cam(row):
         lift = law.derivatives(theta + moved[0], 3)
         whole, columns, *_ = cam_torque(
             data.constants, mu + moved[4], theta + moved[0], lift, rate + moved[1], second + moved[2],
-            pressure + moved[3], COEFFICIENTS[:ON_CAM],
+            pressure + moved[3], COEFFICIENTS[:ON_CAM], False,
         )  # fmt: skip
         sides = np.array([1.0, *(0.0 if bridge else 1.0 for bridge in ON_BRIDGE)])
         parts = np.column_stack([whole, columns * COEFFICIENTS[:ON_CAM]])
         return np.array([parts @ sides, parts @ (1.0 - sides)])
 
     lift = law.derivatives(theta, 3)
-    stated = cam_torque(data.constants, mu, theta, lift, rate, second, pressure, COEFFICIENTS[:ON_CAM])[2][:, row]
+    state = (theta, lift, rate, second, pressure)
+    stated = cam_torque(data.constants, mu, *state, COEFFICIENTS[:ON_CAM], True)[2][:, row]
     found = central(torque, 0.0, [2e-5, 1e-2, 1.0, 1e3, 1e-4][row])
     # the sign of the sliding velocity turns within 2e-5 m/rad at both dwells: away from there
     clear = np.abs(law.evaluate(theta, 1)) > 2e-4
@@ -251,17 +254,36 @@ def test_torque_on_the_cam(row):
         assert np.max(np.abs(on_shaft - expected)[clear]) <= 1e-6 * np.max(np.abs(expected))
 
 
-def test_torque_is_linear_in_the_coefficients_of_its_columns():
+def test_bearings_and_pin_rub_under_what_packing_and_damping_add_to_the_load():
     data = chain_input()
-    lift, one = data.law.derivatives(data.theta, 3), np.ones(data.theta.size)
-    arguments = (data.constants, 0.05, data.theta, lift, 60.0 * one, 0.0 * one, data.line_pressure)
-    plain, columns, _, load, *_ = cam_torque(*arguments, np.zeros(len(LINEAR_NAMES)))
-    for coefficients, size in ((COEFFICIENTS[:ON_CAM], data.theta.size), (np.zeros(0), 0)):
-        other, same, by, also, *_ = cam_torque(*arguments, coefficients)
-        np.testing.assert_array_equal(plain, other)
-        np.testing.assert_array_equal(columns, same)
-        np.testing.assert_array_equal(load, also)
-        assert by.shape == (2, 5, size)
+    lift, one, mu = data.law.derivatives(data.theta, 3), np.ones(data.theta.size), 0.05
+    state = (data.constants, mu, data.theta, lift, 60.0 * one, 0.0 * one, data.line_pressure)
+    c = COEFFICIENTS[:ON_CAM]
+
+    def whole(values, about):
+        plain, columns, by, load, _, extra = cam_torque(*state, values if about is None else about, False)
+        return plain + columns @ values, columns, by, load, extra
+
+    apart = whole(c, np.zeros(c.size))
+    together, columns, by, load, extra = whole(c, None)
+    np.testing.assert_array_equal(load, apart[3])
+    assert by.shape == (2, 5, 0)
+    # the arms' columns are contact forces times levers: as much more torque as there is more contact force
+    arms = np.array(ON_CONTACT) | np.char.startswith(LINEAR_NAMES, "bending")  # the bridge feels them as well
+    added = (apart[1][:, arms] @ c[arms]) * extra * guide_gain(path_tangent(data, lift), lift[1], mu) / load
+    np.testing.assert_allclose(together - apart[0], added, rtol=0.0, atol=1e-9 * np.max(np.abs(together)))
+    assert np.max(np.abs(added)) > 1e-3
+    for k in range(c.size):
+        moved = np.where(np.arange(c.size) == k, c * 1.001 + 1e-9, c)
+        slope = (whole(moved, None)[0] - together) / (moved[k] - c[k])
+        # what the bridge's arms feel of a force is left to the next iteration; without the arms it were some percent
+        np.testing.assert_allclose(slope, columns[:, k], rtol=0.0, atol=5e-3 * np.max(np.abs(columns[:, k])))
+
+
+def path_tangent(data, lift):
+    """Return tan phi of the contact, (n,)."""
+    pump = data.constants
+    return path_at(*lift[:3], pump.base, pump.offset, pump.radius)[1]
 
 
 def test_bins_take_what_is_slow_as_its_mean_and_let_nothing_fast_through():

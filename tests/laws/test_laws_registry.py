@@ -193,7 +193,7 @@ def test_torque_of_the_laws_is_the_closed_form_of_the_mechanism(offset):
     vector[LINEAR_NAMES.index("roller_inertia")] = data.constants.roller_inertia
     pressure = data.line_pressure
     plain, columns, _, load, least, _ = cam_torque(
-        data.constants, mu, THETA, lift, speed, acceleration, pressure, vector
+        data.constants, mu, THETA, lift, speed, acceleration, pressure, vector, False
     )
     constants = data.constants._replace(guide_friction=mu, bearing_arm=bearing, pin_arm=pin)
     expected = solve_lift(constants, lift[:3].copy(), np.array(pressure), speed, acceleration)

@@ -69,7 +69,7 @@ def model(run, coefficients, mu=0.0, **changes):
     coefficients = {"roller_inertia": run.truth.pump.roller_inertia, **coefficients}
     vector = np.array([coefficients.get(name, 0.0) for name in LINEAR_NAMES])
     plain, columns, _, load, *_ = cam_torque(
-        numbers(run, **changes), mu, theta, lift, speed, acceleration, pressure, vector
+        numbers(run, **changes), mu, theta, lift, speed, acceleration, pressure, vector, False
     )
     return plain + columns @ vector, columns, load
 
@@ -113,8 +113,9 @@ def test_all_losses_sum_to_the_torque_of_the_shaft():
     values = {name: value for name, (_, value) in SETTINGS.items() if name != "guide_friction"}
     found = model(run, values, SETTINGS["guide_friction"][1])[0]
     # bearing and pin load of the rig hold what all other frictions add to the contact force
-    assert np.max(np.abs(found - torque)) < 4e-3 * np.max(torque)
-    assert np.mean(found) == pytest.approx(np.mean(torque), rel=4e-3)
+    # bearings and pin rub under what the others add to the contact force: else twice as far off
+    assert np.max(np.abs(found - torque)) < 1e-3 * np.max(torque)
+    assert np.mean(found) == pytest.approx(np.mean(torque), rel=1e-3)
     without = model(run, {name: value for name, value in values.items() if name != "pin_arm"}, 0.08)[0]
     assert np.max(np.abs(without - torque)) > 8e-3 * np.max(torque)
 

@@ -66,7 +66,7 @@ c[-1] = 3e-4
 def torque(rate, shift):
     theta = data.theta + shift
     lift, rates = law.derivatives(theta, 3), (rate * one, 0.0 * one)
-    whole, columns, by, *_ = cam_torque(data.constants, 0.0, theta, lift, *rates, data.line_pressure, c)
+    whole, columns, by, *_ = cam_torque(data.constants, 0.0, theta, lift, *rates, data.line_pressure, c, True)
     return whole + columns @ c, by
 for row, (rate, shift) in enumerate([(0.0, 1e-5), (0.01, 0.0)]):
     slope = (torque(60.0 + rate, shift)[0] - torque(60.0 - rate, -shift)[0]) / (2.0 * (rate + shift))

@@ -93,7 +93,8 @@ def by_gain(pair: TwoRecordings, state: PairState, name: str) -> Array:
     moved = state.after.copy()
     moved[pair.names.index(name)] += GAIN_STEP
     chain, values = pair.sensed(1, moved)
-    here, there, linear = state.outputs[1], evaluate(chain, values), coefficients_of(values)
+    linear = coefficients_of(values)
+    here, there = state.outputs[1], evaluate(chain, values, linear)
     step = there.torque - here.torque + (there.linear - here.linear) @ linear
     return at_angle(step / GAIN_STEP, _turn(pair, state.before, state.after, state.outputs[0]))
 

@@ -276,7 +276,7 @@ def settled(chain: ChainInput, values: Mapping[str, float]) -> ChainInput:
     """
     linear = coefficients_of(values)
     for _ in range(ROUNDS):
-        output = evaluate(chain, values)
+        output = evaluate(chain, values, linear)
         torque = output.torque + output.linear @ linear
         if not np.all(np.isfinite(torque)):
             raise Refusal(

@@ -110,13 +110,14 @@ def joint_setup(problem: Problem, z: Array, smoothing: float, each: Each = in_tu
     return JointSetup(problem, lifts, smoother(smoothing), recording, each)
 
 
-def _tried(setup: JointSetup, fixed: Array, index: int) -> tuple[Indices, Array, Array]:
+def _tried(setup: JointSetup, z: Array, index: int) -> tuple[Indices, Array, Array]:
     """Return places of a recording's linear parameters, products of their columns and the rest of the torque, and path.
 
-    ``fixed`` are the free parameters with the linear ones at zero.
+    ``z`` are the free parameters, about whose linear ones the torque is linearised.
     """
     problem = setup.problem
-    output = output_at(problem, fixed, index)
+    output = output_at(problem, z, index)
+    fixed = np.where(np.arange(z.size) < problem.n_nonlinear, z, 0.0)
     own, columns, target = linear_part(problem, fixed, index, output)
     both = setup.smooth(np.column_stack([columns * problem.steps[own], target]))
     product = setup.whitened(index, both)
@@ -130,8 +131,7 @@ def try_at(setup: JointSetup, z: Array) -> Trial:
     scale = setup.problem.steps[first:]
     inverse = (scale / stds[first:]) ** 2
     pulled = inverse * means[first:] / scale
-    fixed = np.r_[z[:first], np.zeros(scale.size)]
-    found = setup.each(lambda index: _tried(setup, fixed, index), range(len(setup.problem.data)))
+    found = setup.each(lambda index: _tried(setup, z, index), range(len(setup.problem.data)))
     plain = np.zeros(scale.size)
     for place, product, _ in found:
         plain[place] += product[:-1, -1]

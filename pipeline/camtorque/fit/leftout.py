@@ -229,8 +229,9 @@ def typical(known: KnownFit, data: FitData, shared: Mapping[str, float], ends: M
 
     def torque(values: Mapping[str, float]) -> Array:
         full = values_of({**values, **ends}, source)
-        output = evaluate(data.chain, full)
-        return output.torque + output.linear @ coefficients_of(full)
+        linear = coefficients_of(full)
+        output = evaluate(data.chain, full, linear)
+        return output.torque + output.linear @ linear
 
     center = torque(shared)
     small, whole = (

@@ -279,7 +279,7 @@ def mean_scatter(
     each = []
     for block in blocks:
         pressure = over_even_angle(np.mean(cycles.pressure[block], axis=0), swing)
-        output = evaluate(replace(item.chain, line_pressure=pressure), values)
+        output = evaluate(replace(item.chain, line_pressure=pressure), values, linear)
         torque = binned(over_even_angle(np.mean(cycles.torque[block], axis=0), swing))
         each.append(torque - output.torque - output.linear @ linear)
     apart = np.array(each) - np.mean(each, axis=0)
@@ -308,7 +308,7 @@ def shift_covariance(pair: TwoRecordings, values: Mapping[str, float]) -> Array:
     late = _slope(chain.line_pressure, chain.speed) * float(np.hypot(pair.clock_error, pair.start_error))
     ends = []
     for sign in (-1.0, 1.0):
-        output = evaluate(replace(chain, line_pressure=chain.line_pressure + sign * late), values)
+        output = evaluate(replace(chain, line_pressure=chain.line_pressure + sign * late), values, linear)
         ends.append(output.torque + output.linear @ linear)
     shift = 0.5 * (ends[1] - ends[0])
     return np.outer(shift, shift)

@@ -68,7 +68,7 @@ def lift_information(problem: Problem, z: Array, index: int, inflation: float) -
     basis = problem.data[0].lift_basis
     item = replace(problem.data[index], lift_basis=basis)
     values, coefficients = problem.values(z, index)
-    output = evaluate(item.chain, values)
+    output = evaluate(item.chain, values, coefficients)
     modes = lift_modes(item, output, values)
     residual = item.residual(output, coefficients)
     felt_by = modes.to_lift / basis.prior_std * modes.strength  # columns of the residual are vectors @ felt_by.T

@@ -19,7 +19,7 @@ import numpy as np
 from camtorque.fit.descent import Effort, free_at
 from camtorque.fit.minima import POLISH, Candidate, at_minimum, attempted
 from camtorque.fit.problem import FitData, build_problem
-from camtorque.fit.solver import linear_part, output_at, with_slopes
+from camtorque.fit.solver import output_at, with_slopes
 from camtorque.records import Array
 
 WRONG_SHEETS = 0.02
@@ -190,10 +190,7 @@ def _pull(item: Candidate, scaled: Scaled, inflation: float, tangents: Array) ->
 def _residual(item: FitData, z: Array) -> Array:
     """Return the weighted residual of a recording at values of its free parameters, (BINS,)."""
     problem = build_problem([item])
-    fixed = z.copy()
-    fixed[problem.n_nonlinear :] = 0.0
-    own, columns, target = linear_part(problem, fixed, 0, output_at(problem, fixed))
-    return np.asarray(target - columns @ z[own])
+    return item.residual(output_at(problem, z), problem.values(z, 0)[1])
 
 
 def _followed(best: Candidate, scaled: Scaled, inflation: float, name: str, start: float) -> SheetDoubt | None:

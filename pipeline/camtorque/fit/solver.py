@@ -180,8 +180,8 @@ def smoother(width: float) -> Callable[[Array], Array]:
 
 
 def output_at(problem: Problem, z: Array, index: int = 0) -> ChainOutput:
-    """Return the chain of a recording at z, whose linear parameters it does not depend on."""
-    return evaluate(problem.data[index].chain, problem.values(z, index)[0])
+    """Return the chain of a recording at z, about whose linear parameters its torque and columns are linearised."""
+    return evaluate(problem.data[index].chain, *problem.values(z, index))
 
 
 def linear_part(problem: Problem, fixed: Array, index: int, output: ChainOutput) -> tuple[Indices, Array, Array]:
@@ -207,7 +207,7 @@ def try_at(
 
     Parameters
     ----------
-    z : (k,) free parameters; the linear ones are only where the active set starts
+    z : (k,) free parameters; about the linear ones the torque is linearised, and there the active set starts
     smooth : smoothing of the residual
     known : `output_at` the same z, where another smoothing, weight or lift correction has asked for it
     """
@@ -217,7 +217,7 @@ def try_at(
     inverse = (scale / stds[first:]) ** 2
     fixed = z.copy()
     fixed[first:] = 0.0
-    output = output_at(problem, fixed) if known is None else known
+    output = output_at(problem, z) if known is None else known
     _, columns, target = linear_part(problem, fixed, 0, output)
     if smooth is not None:
         columns, target = smooth(columns), smooth(target)

@@ -301,7 +301,7 @@ def scanned(best: Start, swings: Iterable[Mapping[str, float]], place: str) -> l
     again.
     """
     problem = build_problem([best.data])
-    output = evaluate(best.data.chain, problem.values(problem.start, 0)[0])
+    output = output_at(problem, problem.start)
     kept: list[Mapping[str, float]] = []
     for swing in sorted(swings, key=lambda swing: _behind(problem, best.lift, output, swing)):
         ratios = [swing[place] / other[place] for other in kept]

@@ -30,6 +30,8 @@ LINEAR_NAMES: tuple[str, ...] = tuple(name for law in LAWS.values() for name in 
 """Parameters that the torque before the sensor is linear in, in the order of their columns."""
 ON_BRIDGE: tuple[bool, ...] = tuple(law.on_bridge for law in LAWS.values() for _ in law.linear)
 """Whether each of `LINEAR_NAMES` acts on the transducer's bridge alone."""
+ON_CONTACT: tuple[bool, ...] = tuple(name in law.on_contact for law in LAWS.values() for name in law.linear)
+"""Whether each of `LINEAR_NAMES` is an arm on which the contact load rubs."""
 GROUPS: dict[str, tuple[str, ...]] = {
     loss: tuple(row.name for law in LAWS.values() if law.loss == loss for row in law.rows)
     for loss in dict.fromkeys(law.loss for law in LAWS.values() if law.loss)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from camtorque.laws import GROUPS, LINEAR_NAMES, ON_BRIDGE, cause_of, ripple
+from camtorque.laws import GROUPS, LINEAR_NAMES, ON_BRIDGE, ON_CONTACT, cause_of, ripple
 from camtorque.laws.chain import ON_CAM, ChainInput, ChainOutput, drive_response, filtered, transfer
 from camtorque.laws.torque import cam_torque
 from camtorque.mechanism.friction import guide_gain
@@ -41,7 +41,9 @@ def cam_torques(
     """
     pump, motion = data.pump, output.motion
     y, slope, curve = motion.lift[:3]
-    state = (motion.theta, motion.lift, motion.rate, motion.second, output.pressure, coefficients[:ON_CAM])
+    # without the arms each column is the torque of its own cause; bearings and pin rub under the plunger's forces, too
+    linear = np.where(ON_CONTACT, 0.0, coefficients[:ON_CAM])
+    state = (motion.theta, motion.lift, motion.rate, motion.second, output.pressure, linear, False)
     whole, columns, _, load, _, force = cam_torque(data.constants, values["guide_friction"], *state)
     smooth, *_ = cam_torque(data.constants, 0.0, *state)
     parts = dict.fromkeys(CAUSES, np.zeros_like(y))

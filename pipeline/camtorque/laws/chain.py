@@ -260,7 +260,8 @@ def evaluate(
     Parameters
     ----------
     values : every non-linear parameter [SI]
-    coefficients : (17,) of `COLUMN_NAMES`; only the derivative needs them
+    coefficients : (17,) of `COLUMN_NAMES` at which torque, columns and derivative are exact together, None for zeros:
+        the friction of bearings and pin under the plunger's own forces is a product of two of them
     tangents : whether the derivative is wanted
     known : ``path`` of an output at the same values, which saves most of the chamber's work
     """
@@ -273,7 +274,7 @@ def evaluate(
     c = np.zeros(len(COLUMN_NAMES)) if coefficients is None else coefficients
     torques, slopes, load, least, _ = torque_columns(
         data.constants, values["guide_friction"], motion.theta, motion.lift, motion.rate, motion.second, pressure,
-        c[:ON_CAM] if tangents else c[:0],
+        c[:ON_CAM], tangents,
     )  # fmt: skip
     shaft, measured, shaft_by, measured_by = transfer(data, values, BINS, response)
     gain = 1.0 + values["gain_error"]

@@ -43,4 +43,5 @@ LAW = Law(
     {"bearing_arm": "bearing_friction", "pin_arm": "pin_friction"},
     loss="friction",
     nonlinear=("guide_friction",),
+    on_contact=("bearing_arm", "pin_arm"),
 )

@@ -160,6 +160,7 @@ class Law:
     loss : group of the energy balance that its causes belong to
     on_bridge : its columns are what the transducer's bridge feels beside the torque; they load no shaft and do no work
     nonlinear : parameters without a column
+    on_contact : those whose column is an arm on which the contact load rubs
     """
 
     rows: tuple[ParameterRow, ...]
@@ -168,6 +169,7 @@ class Law:
     loss: str = ""
     on_bridge: bool = False
     nonlinear: tuple[str, ...] = ()
+    on_contact: tuple[str, ...] = ()
 
     @property
     def linear(self) -> tuple[str, ...]:

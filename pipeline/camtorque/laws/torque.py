@@ -2,11 +2,13 @@
 
 The closed form of `camtorque.mechanism.torque`, with the columns of the linear laws::
 
-    lambda_y = F_axial / (1 - mu_g |tan phi| sign(y'))                 guide friction feeds back on the contact
-    tau      = lambda_y (y' + arm) + y' F_extra / (1 - mu_g |tan phi| sign(y')) + T_extra
+    lambda_y = (F_axial + F_extra) / (1 - mu_g |tan phi| sign(y'))     guide friction feeds back on the contact
+    tau      = lambda_y (y' + arm) + T_extra
 
-arm, F_extra and T_extra are the sums over `camtorque.laws.LINEAR_NAMES` of coefficient times column. Here stand what is
-differentiated and how the columns join; the mechanics and the laws themselves are called.
+arm, F_extra and T_extra are the sums over `camtorque.laws.LINEAR_NAMES` of coefficient times column. What packing,
+damping and the spring's errors push along the plunger lies on the cam, and bearings and pin rub under it: one product
+of two coefficients, which is linearised about given ones. Here stand what is differentiated and how the columns join;
+the mechanics and the laws themselves are called.
 """
 
 from __future__ import annotations
@@ -46,7 +48,7 @@ _columns_at = _all_of([law.columns for law in LAWS.values() if law.columns is no
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def torque_columns(pump, mu, theta, lift, rate, second, pressure, coefficients):  # type: ignore[no-untyped-def]
+def torque_columns(pump, mu, theta, lift, rate, second, pressure, coefficients, wanted):  # type: ignore[no-untyped-def]
     """Return torque, columns, derivatives and contact force over the angle.
 
     Parameters
@@ -57,24 +59,24 @@ def torque_columns(pump, mu, theta, lift, rate, second, pressure, coefficients):
     lift : (4, n) y, y', y'', y''' [m/rad^k]
     rate, second : (n,) cam speed and acceleration [rad/s, rad/s^2]
     pressure : (n,) on the plunger [Pa]
-    coefficients : (k,) of `LINEAR_NAMES`, used in the derivatives alone; (0,) where these are not wanted
+    coefficients : (k,) of `LINEAR_NAMES`, about which arm times F_extra is linearised
+    wanted : whether derivatives are
 
     Returns
     -------
-    torques : (n, 1 + k) without the linear coefficients [N m], then per coefficient
+    torques : (n, 1 + k) what no column scales [N m], then per coefficient
     by : (2, 5, n) derivatives, by angle, rate, second, pressure and mu, of the torque with its coefficients and of what
         the bridge feels beside it; else (2, 5, 0)
-    load : (n,) contact force along the follower [N]
+    load : (n,) contact force along the follower without F_extra [N]
     least : least value of 1 - mu |tan phi| sign(y'); the follower jams at 0
-    extra : (n,) force of the columns along the plunger, F_extra [N]; else (0,)
+    extra : (n,) force of the columns along the plunger, F_extra [N]
     """
     n = rate.size
     torques = np.empty((n, 1 + _N))
-    wanted = coefficients.size > 0
     by = np.empty((2, 5, n if wanted else 0))
     sums = np.empty((2, 9))
     load = np.empty(n)
-    extra_force = np.empty(n if wanted else 0)
+    extra_force = np.empty(n)
     least = 1.0
     for i in range(n):
         y, y1, y2, y3 = lift[0, i], lift[1, i], lift[2, i], lift[3, i]
@@ -105,11 +107,7 @@ def torque_columns(pump, mu, theta, lift, rate, second, pressure, coefficients):
         sums[:] = 0.0
         parts = _columns_at(at)
         for k in range(_N):
-            part = parts[k]
-            torques[i, 1 + k] = normal * part.arm + y1 / guide * part.force + part.torque
-            if not wanted:
-                continue
-            row, c = sums[_SIDE[k]], coefficients[k]
+            part, row, c = parts[k], sums[_SIDE[k]], coefficients[k]
             row[0] += c * part.arm
             row[1] += c * part.arm_by_angle
             row[2] += c * part.force
@@ -119,18 +117,25 @@ def torque_columns(pump, mu, theta, lift, rate, second, pressure, coefficients):
             row[6] += c * part.torque_by_angle
             row[7] += c * part.torque_by_rate
             row[8] += c * part.torque_by_second
+        arm_own, extra = sums[0, 0], sums[0, 2]
+        extra_force[i] = extra
+        torques[i, 0] -= extra * arm_own / guide
+        for k in range(_N):
+            part = parts[k]
+            torques[i, 1 + k] = ((axial + extra) * part.arm + (y1 + arm_own) * part.force) / guide + part.torque
         if not wanted:
             continue
-        extra_force[i] = sums[0, 2]
+        force, force_a = axial + extra, axial_a + sums[0, 3]
+        force_w, force_p = axial_w + sums[0, 4], pump.area + sums[0, 5]
         for side in range(2):
-            arm, arm_a, extra, extra_a, extra_w, extra_p, drag_a, drag_w, drag_dw = sums[side]
             own = 1.0 - side  # the cam's own torque is in the first alone
-            top = y1 * (own * axial + extra) + axial * arm
-            top_a = y2 * (own * axial + extra) + y1 * (own * axial_a + extra_a) + axial_a * arm + axial * arm_a
-            by[side, 0, i] = (top_a - top * guide_a / guide) / guide + drag_a
-            by[side, 1, i] = (y1 * (own * axial_w + extra_w) + axial_w * arm) / guide + drag_w
-            by[side, 2, i] = pump.mass * y1 * (own * y1 + arm) / guide + drag_dw
-            by[side, 3, i] = (y1 * (own * pump.area + extra_p) + pump.area * arm) / guide
+            arm, arm_a = own * y1 + sums[side, 0], own * y2 + sums[side, 1]
+            top = force * arm
+            top_a = force_a * arm + force * arm_a
+            by[side, 0, i] = (top_a - top * guide_a / guide) / guide + sums[side, 6]
+            by[side, 1, i] = force_w * arm / guide + sums[side, 7]
+            by[side, 2, i] = pump.mass * y1 * arm / guide + sums[side, 8]
+            by[side, 3, i] = force_p * arm / guide
             by[side, 4, i] = top * share / (guide * guide)
     return torques, by, load, least, extra_force
 
