@@ -171,8 +171,8 @@ def test_a_step_of_the_model_is_not_taken_for_a_slope(monkeypatch: pytest.Monkey
     at, jump = int(np.argmax(pair.items[0].chain.line_pressure)) + 2, 4.0
     level = pair.items[0].chain.line_pressure[at]
 
-    def stepping(chain: ChainInput, values: dict[str, float]) -> ChainOutput:
-        output = evaluate(chain, values)
+    def stepping(chain: ChainInput, values: dict[str, float], linear: Array) -> ChainOutput:
+        output = evaluate(chain, values, linear)
         return replace(output, torque=output.torque + jump * (chain.line_pressure[at] > level))
 
     monkeypatch.setattr(pair_module, "evaluate", stepping)

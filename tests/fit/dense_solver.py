@@ -5,11 +5,11 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import numpy as np
-from camtorque.fit.descent import Descent, Effort, free_at, minimise, promised
+from camtorque.fit.descent import LEAST_GAIN, Descent, Effort, free_at, minimise, promised
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import Problem
 from camtorque.fit.quadratic import bounded_quadratic, bounded_step
-from camtorque.fit.solver import LiftModes, linear_part, output_at, smoother, with_slopes
+from camtorque.fit.solver import LINEARISED, LiftModes, linear_part, output_at, smoother, with_slopes
 from camtorque.fit.uncertainty import LEAST_FREEDOM, inverse, prior_std
 from camtorque.laws.chain import BINS
 
@@ -20,13 +20,16 @@ def dense_solve(
     """Return a joint minimum with the lift corrections of the recordings."""
     first, steps, bounds, (means, stds) = problem.n_nonlinear, problem.steps, problem.bounds, problem.priors
     scale, smooth, inverses = steps[first:], smoother(smoothing), (steps / stds) ** 2
+    about = np.clip(start, *bounds)
 
     def try_at(z):
         fixed = np.r_[z[:first], np.zeros(scale.size)]
         matrix, vector = np.diag(inverses[first:] + 1e-9), inverses[first:] * means[first:] / scale
         wide = []
         for index, lift in enumerate(lifts):
-            own, columns, target = linear_part(problem, fixed, index, output_at(problem, z, index))
+            own, columns, target = linear_part(
+                problem, fixed, index, output_at(problem, np.r_[z[:first], about[first:]], index)
+            )
             full = np.zeros((BINS, scale.size + 1))
             full[:, own - first] = columns * steps[own]
             full[:, -1] = target
@@ -62,7 +65,13 @@ def dense_solve(
         return promised(point.matrix, point.vector, free_at(z, point.vector, *bounds))
 
     descent = Descent(try_at, linearise, step, promise, bounds)
-    ended = minimise(descent, try_at(np.clip(start, *bounds)), Effort(iterations))
+    trial, effort = try_at(about), Effort(iterations)
+    for _ in range(LINEARISED):
+        ended = minimise(descent, trial, effort)
+        about = ended.trial.z
+        trial = try_at(about)
+        if abs(trial.chi_square - ended.trial.chi_square) < effort.gain * trial.chi_square + LEAST_GAIN:
+            break
     point, outer = ended.point or linearise(ended.trial), np.outer(steps, steps)
     n_iterations, evaluations, converged = ended.cost
     return SimpleNamespace(

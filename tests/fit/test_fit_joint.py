@@ -519,7 +519,7 @@ def test_beside_a_step_of_the_model_a_prediction_is_typical(joint, monkeypatch):
     shared = dict(zip(names, joint.solution.z[others.found.places].tolist(), strict=True))
     assert typical(others.known, data, shared, {}) == shared
 
-    def stepping(chain, values):
+    def stepping(chain, values, _linear):
         rare = values["dead_volume"] == shared["dead_volume"]
         torque = np.full(chain.theta.size, 100.0 if rare else 1e9 * values["dead_volume"] * 1e-3)
         return SimpleNamespace(torque=torque, linear=np.zeros((torque.size, len(COLUMN_NAMES))))

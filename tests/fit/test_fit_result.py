@@ -72,7 +72,8 @@ def test_where_the_return_starts_does_not_hang_on_the_grid(n_theta: int, turned:
         pressure=1e8 + 2e7 * np.cos(theta - turned),
         motion=SimpleNamespace(lift=[4e-3 * (1.0 + np.cos(theta - turned))]),
     )
-    found = return_start(SimpleNamespace(output=output), np.array([np.full(n_theta, 1e5), np.full(n_theta, 6e4)]))  # type: ignore[arg-type]
+    fitted = SimpleNamespace(output=output, chamber_pressure=output.pressure)
+    found = return_start(fitted, np.array([np.full(n_theta, 1e5), np.full(n_theta, 6e4)]))  # type: ignore[arg-type]
     assert found is not None
     assert found.value == pytest.approx(1e8 + 2e7 * 0.9, rel=1e-5)  # cos is 0.9 at 95 % of the lift
     assert found.stderr == pytest.approx(1e5)

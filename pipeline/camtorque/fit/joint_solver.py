@@ -13,10 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from camtorque.fit.arrow import Arrow
-from camtorque.fit.descent import Descent, DescentTrial, Effort, free_at, minimise
+from camtorque.fit.descent import LEAST_GAIN, Descent, DescentTrial, Effort, free_at, minimise
 from camtorque.fit.problem import Indices, Problem
 from camtorque.fit.solver import (
     LARGEST_INFORMATION,
+    LINEARISED,
     LiftModes,
     Minimum,
     lift_modes,
@@ -67,9 +68,13 @@ class KeptModes:
 
 @dataclass(frozen=True)
 class JointSetup:
-    """A problem with what stays the same while it is solved: the lift corrections and the smoothing."""
+    """A problem with what stays the same while it is solved: the lift corrections and the smoothing.
+
+    ``about`` are free parameters (k,), about whose linear ones the torques are linearised.
+    """
 
     problem: Problem
+    about: Array
     kept: tuple[KeptModes, ...]
     smooth: Smooth
     recording: Indices
@@ -107,17 +112,17 @@ def joint_setup(problem: Problem, z: Array, smoothing: float, each: Each = in_tu
 
     lifts = tuple(each(modes, range(len(problem.data))))
     recording = np.array([parameter.recording for parameter in problem.parameters], dtype=np.int64)
-    return JointSetup(problem, lifts, smoother(smoothing), recording, each)
+    return JointSetup(problem, z, lifts, smoother(smoothing), recording, each)
 
 
-def _tried(setup: JointSetup, z: Array, index: int) -> tuple[Indices, Array, Array]:
+def _tried(setup: JointSetup, fixed: Array, index: int) -> tuple[Indices, Array, Array]:
     """Return places of a recording's linear parameters, products of their columns and the rest of the torque, and path.
 
-    ``z`` are the free parameters, about whose linear ones the torque is linearised.
+    ``fixed`` are the free parameters with the linear ones at zero.
     """
     problem = setup.problem
-    output = output_at(problem, z, index)
-    fixed = np.where(np.arange(z.size) < problem.n_nonlinear, z, 0.0)
+    first = problem.n_nonlinear
+    output = output_at(problem, np.r_[fixed[:first], setup.about[first:]], index)
     own, columns, target = linear_part(problem, fixed, index, output)
     both = setup.smooth(np.column_stack([columns * problem.steps[own], target]))
     product = setup.whitened(index, both)
@@ -131,7 +136,8 @@ def try_at(setup: JointSetup, z: Array) -> Trial:
     scale = setup.problem.steps[first:]
     inverse = (scale / stds[first:]) ** 2
     pulled = inverse * means[first:] / scale
-    found = setup.each(lambda index: _tried(setup, z, index), range(len(setup.problem.data)))
+    fixed = np.r_[z[:first], np.zeros(scale.size)]
+    found = setup.each(lambda index: _tried(setup, fixed, index), range(len(setup.problem.data)))
     plain = np.zeros(scale.size)
     for place, product, _ in found:
         plain[place] += product[:-1, -1]
@@ -220,16 +226,26 @@ def solve_many(
     start : (k,) where to start
     smoothing : standard deviation of the residual's smoothing [rad]
     """
+    start, effort = np.clip(start, *problem.bounds), Effort(max_iterations)
     setup = joint_setup(problem, start, smoothing, each)
-    descent = Descent[Trial, Linearised](
+    trial = try_at(setup, start)
+    for _ in range(LINEARISED):
+        ended = minimise(_descent(setup), trial, effort)
+        setup = replace(setup, about=ended.trial.z)
+        trial = try_at(setup, ended.trial.z)
+        if abs(trial.chi_square - ended.trial.chi_square) < effort.gain * trial.chi_square + LEAST_GAIN:
+            break
+    return _solution(setup, ended.trial, ended.point or linearised(setup, ended.trial), ended.cost)
+
+
+def _descent(setup: JointSetup) -> Descent[Trial, Linearised]:
+    return Descent[Trial, Linearised](
         try_at=lambda z: try_at(setup, z),
         linearise=lambda trial: linearised(setup, trial),
         step=lambda point, z, damping: _step(setup, point, z, damping),
         promise=lambda point, z: _promise(setup, point, z),
-        bounds=problem.bounds,
+        bounds=setup.problem.bounds,
     )
-    ended = minimise(descent, descent.try_at(np.clip(start, *descent.bounds)), Effort(max_iterations))
-    return _solution(setup, ended.trial, ended.point or linearised(setup, ended.trial), ended.cost)
 
 
 def _solution(setup: JointSetup, trial: Trial, point: Linearised, cost: tuple[int, int, bool]) -> JointSolution:

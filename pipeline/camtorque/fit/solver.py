@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from camtorque.fit.descent import Descent, DescentTrial, Effort, free_at, minimise, promised
+from camtorque.fit.descent import LEAST_GAIN, Descent, DescentTrial, Effort, free_at, minimise, promised
 from camtorque.fit.problem import FitData, Indices, Problem
 from camtorque.fit.quadratic import bounded_quadratic, bounded_step, scaled_columns, weighted_columns
 from camtorque.laws.chain import BINS, NONLINEAR_NAMES, ChainInput, ChainOutput, evaluate, filtered, transfer
@@ -32,6 +32,8 @@ SEARCH_GAIN = 1.0e-3
 """Share of chi-square that a step of a search has to promise."""
 LIFT_CUT = 0.05
 """Modes of the lift correction weaker than this (in standard deviations of the residual) are left out."""
+LINEARISED = 3
+"""Descents, at most, after each of which the torque is linearised about the linear parameters that it found."""
 UNFELT = 0.2
 """Coefficients whose column is shorter than this share of the weakest mode are left out beforehand."""
 
@@ -202,14 +204,16 @@ def try_at(
     lift: LiftModes,
     smooth: Callable[[Array], Array] | None = None,
     known: ChainOutput | None = None,
+    about: Array | None = None,
 ) -> Trial:
     """Evaluate a recording at z and solve for the linear parameters.
 
     Parameters
     ----------
-    z : (k,) free parameters; about the linear ones the torque is linearised, and there the active set starts
+    z : (k,) free parameters; the linear ones are only where the active set starts
     smooth : smoothing of the residual
     known : `output_at` the same z, where another smoothing, weight or lift correction has asked for it
+    about : (k,) about whose linear parameters the torque is linearised, None for those of z
     """
     first = problem.n_nonlinear
     (means, stds), (lower, upper) = problem.priors, problem.bounds
@@ -217,7 +221,8 @@ def try_at(
     inverse = (scale / stds[first:]) ** 2
     fixed = z.copy()
     fixed[first:] = 0.0
-    output = output_at(problem, z) if known is None else known
+    there = z if about is None else np.r_[z[:first], about[first:]]
+    output = output_at(problem, there) if known is None else known
     _, columns, target = linear_part(problem, fixed, 0, output)
     if smooth is not None:
         columns, target = smooth(columns), smooth(target)
@@ -292,8 +297,14 @@ def solve(
     z = np.clip(problem.start if start is None else start, *problem.bounds)
     output = output_at(problem, z)
     modes = lift_at(problem, z, known=output) if lift is None else lift
-    descent, first = _descent(problem, modes, smoothing), try_at(problem, z, modes, smoother(smoothing), output)
-    ended = minimise(descent, first, effort)
+    trial, about = try_at(problem, z, modes, smoother(smoothing), output), z
+    for _ in range(LINEARISED):
+        descent = _descent(problem, modes, smoothing, about)
+        ended = minimise(descent, trial, effort)
+        about = ended.trial.z
+        trial = try_at(problem, about, modes, smoother(smoothing))
+        if abs(trial.chi_square - ended.trial.chi_square) < effort.gain * trial.chi_square + LEAST_GAIN:
+            break
     trial, point = ended.trial, ended.point or descent.linearise(ended.trial)
     outer = np.outer(problem.steps, problem.steps)
     return Solution(
@@ -308,10 +319,11 @@ def approach(problem: Problem, start: Trial, iterations: int, lift: LiftModes, s
     ``start`` is of the same recording, which may have had other weights; the other parameters are those of `solve`.
     """
     first = try_at(problem, start.z, lift, smoother(smoothing), start.output)
-    return minimise(_descent(problem, lift, smoothing), first, Effort(iterations, SEARCH_GAIN)).trial
+    return minimise(_descent(problem, lift, smoothing, start.z), first, Effort(iterations, SEARCH_GAIN)).trial
 
 
-def _descent(problem: Problem, lift: LiftModes, smoothing: float) -> Descent[Trial, NormalEquations]:
+def _descent(problem: Problem, lift: LiftModes, smoothing: float, about: Array) -> Descent[Trial, NormalEquations]:
+    """Return the way down whose trials are linearised about the linear parameters of one point, (k,)."""
     bounds, steps, (means, stds) = problem.bounds, problem.steps, problem.priors
     smooth = smoother(smoothing)
     inverse = (steps / stds) ** 2
@@ -326,7 +338,7 @@ def _descent(problem: Problem, lift: LiftModes, smoothing: float) -> Descent[Tri
         return NormalEquations(matrix, data_matrix, vector - inverse * (trial.z - means) / steps, output)
 
     return Descent[Trial, NormalEquations](
-        try_at=lambda point: try_at(problem, point, lift, smooth),
+        try_at=lambda point: try_at(problem, point, lift, smooth, about=about),
         linearise=linearise,
         step=lambda point, at, damping: _step(problem, point, at, damping),
         promise=lambda point, at: promised(point.matrix, point.vector, free_at(at, point.vector, *bounds)),
