@@ -41,6 +41,7 @@ from camtorque.fit.residual import mean_square_about
 from camtorque.fit.verdicts import HINTS, common_attributions, parameter_differences, pooled
 from camtorque.laws.chain import BINS, ChainInput, ChainOutput, evaluate
 from camtorque.process.second_process import Second, second_process
+from camtorque.records import Array
 from camtorque.units import DEGREE, angle_grid
 from compare_pair import made_pair
 

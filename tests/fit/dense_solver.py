@@ -5,11 +5,11 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import numpy as np
-from camtorque.fit.descent import LEAST_GAIN, Descent, Effort, free_at, minimise, promised
+from camtorque.fit.descent import Descent, Effort, free_at, minimise_about, promised
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import Problem
 from camtorque.fit.quadratic import bounded_quadratic, bounded_step
-from camtorque.fit.solver import LINEARISED, LiftModes, linear_part, output_at, smoother, with_slopes
+from camtorque.fit.solver import LiftModes, linear_part, output_at, smoother, with_slopes
 from camtorque.fit.uncertainty import LEAST_FREEDOM, inverse, prior_std
 from camtorque.laws.chain import BINS
 
@@ -46,9 +46,10 @@ def dense_solve(
 
     def linearise(trial):
         matrix, vector = np.zeros((problem.size, problem.size)), np.zeros(problem.size)
-        for index, (lift, residual) in enumerate(zip(lifts, trial.residuals, strict=True)):
-            both = smooth(with_slopes(problem, trial.z, index)[1])
-            both[:, -1] = residual
+        for index, lift in enumerate(lifts):
+            output, both = with_slopes(problem, trial.z, index)
+            both[:, -1] = problem.data[index].residual(output, problem.values(trial.z, index)[1])
+            both = smooth(both)
             product, own = lift.gram(both), problem.places[index][0]
             matrix[np.ix_(own, own)] += product[:-1, :-1]
             vector[own] += product[:-1, -1]
@@ -64,18 +65,15 @@ def dense_solve(
     def promise(point, z):
         return promised(point.matrix, point.vector, free_at(z, point.vector, *bounds))
 
-    descent = Descent(try_at, linearise, step, promise, bounds)
-    trial, effort = try_at(about), Effort(iterations)
-    for _ in range(LINEARISED):
-        ended = minimise(descent, trial, effort)
-        about = ended.trial.z
-        trial = try_at(about)
-        if abs(trial.chi_square - ended.trial.chi_square) < effort.gain * trial.chi_square + LEAST_GAIN:
-            break
-    point, outer = ended.point or linearise(ended.trial), np.outer(steps, steps)
-    n_iterations, evaluations, converged = ended.cost
+    def descent_about(point):
+        nonlocal about
+        about = point
+        return Descent(try_at, linearise, step, promise, bounds)
+
+    found, point, cost = minimise_about(about, descent_about, try_at(about), Effort(iterations))
+    outer, (n_iterations, evaluations, converged) = np.outer(steps, steps), cost
     return SimpleNamespace(
-        **vars(ended.trial), hessian=point.matrix / outer, data_hessian=point.data / outer, iterations=n_iterations,
+        **vars(found), hessian=point.matrix / outer, data_hessian=point.data / outer, iterations=n_iterations,
         evaluations=evaluations, converged=converged, lift_share=sum(float(np.sum(lift.shrink)) for lift in lifts),
     )  # fmt: skip
 

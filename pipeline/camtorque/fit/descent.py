@@ -18,6 +18,9 @@ RELATIVE_GAIN, LEAST_GAIN = 1.0e-4, 0.01
 LEAST_DAMPING, LARGEST_DAMPING = 1.0e-8, 1.0e9
 LOOKED_BACK, AHEAD = 4, 12
 """Iterations whose mean gain a descent is expected to keep, and for how many more."""
+LINEARISED, SEEMED, LINEARISED_GAIN = 3, 1.0e-3, 0.1
+"""Descents at most, from the end of one to the next, each linearised about where it begins; another one follows where
+the end is worth something else than it seemed, by more than this share of chi-square and this."""
 WITHIN = 1.0
 """Chi-square above a minimum, and squared standard deviations from it, within which a descent has come back to it."""
 
@@ -137,6 +140,31 @@ def minimise(descent: Descent[T, P], start: T, effort: Effort) -> DescentResult[
             converged = converged or (gained < 5.0 * goal and not failed)  # no way down from a kink is no minimum
             break
     return DescentResult(trial, known, (iterations, evaluations, converged))
+
+
+def minimise_about(
+    about: Array, descent_about: Callable[[Array], Descent[T, P]], start: T, effort: Effort
+) -> tuple[T, P, tuple[int, int, bool]]:
+    """Return where a descent ends whose trials are linearised about some parameters of one point.
+
+    It goes on from each end, linearised about that, until the end is worth what it seemed to be.
+
+    Parameters
+    ----------
+    about : (k,) that point at first [SI]
+    descent_about : the descent that is linearised about a point
+    start : trial there
+    """
+    iterations = evaluations = 0
+    for _ in range(LINEARISED):
+        descent = descent_about(about)
+        ended = minimise(descent, start, effort)
+        about = ended.trial.z
+        start = descent_about(about).try_at(about)
+        iterations, evaluations = iterations + ended.cost[0], evaluations + ended.cost[1] + 1
+        if abs(start.chi_square - ended.trial.chi_square) < SEEMED * start.chi_square + LINEARISED_GAIN:
+            break
+    return start, ended.point or descent.linearise(ended.trial), (iterations, evaluations, ended.cost[2])
 
 
 def free_at(z: Array, vector: Array, lower: Array, upper: Array) -> Mask:

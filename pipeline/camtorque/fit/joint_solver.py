@@ -9,15 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from camtorque.fit.arrow import Arrow
-from camtorque.fit.descent import LEAST_GAIN, Descent, DescentTrial, Effort, free_at, minimise
+from camtorque.fit.descent import Descent, DescentTrial, Effort, free_at, minimise_about
 from camtorque.fit.problem import Indices, Problem
 from camtorque.fit.solver import (
     LARGEST_INFORMATION,
-    LINEARISED,
     LiftModes,
     Minimum,
     lift_modes,
@@ -228,17 +228,11 @@ def solve_many(
     """
     start, effort = np.clip(start, *problem.bounds), Effort(max_iterations)
     setup = joint_setup(problem, start, smoothing, each)
-    trial = try_at(setup, start)
-    for _ in range(LINEARISED):
-        ended = minimise(_descent(setup), trial, effort)
-        setup = replace(setup, about=ended.trial.z)
-        trial = try_at(setup, ended.trial.z)
-        if abs(trial.chi_square - ended.trial.chi_square) < effort.gain * trial.chi_square + LEAST_GAIN:
-            break
-    return _solution(setup, ended.trial, ended.point or linearised(setup, ended.trial), ended.cost)
+    return _solution(setup, *minimise_about(start, partial(_descent, setup), try_at(setup, start), effort))
 
 
-def _descent(setup: JointSetup) -> Descent[Trial, Linearised]:
+def _descent(setup: JointSetup, about: Array) -> Descent[Trial, Linearised]:
+    setup = replace(setup, about=about)
     return Descent[Trial, Linearised](
         try_at=lambda z: try_at(setup, z),
         linearise=lambda trial: linearised(setup, trial),

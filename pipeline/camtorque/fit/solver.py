@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
-from camtorque.fit.descent import LEAST_GAIN, Descent, DescentTrial, Effort, free_at, minimise, promised
+from camtorque.fit.descent import Descent, DescentTrial, Effort, free_at, minimise, minimise_about, promised
 from camtorque.fit.problem import FitData, Indices, Problem
 from camtorque.fit.quadratic import bounded_quadratic, bounded_step, scaled_columns, weighted_columns
 from camtorque.laws.chain import BINS, NONLINEAR_NAMES, ChainInput, ChainOutput, evaluate, filtered, transfer
@@ -32,8 +32,6 @@ SEARCH_GAIN = 1.0e-3
 """Share of chi-square that a step of a search has to promise."""
 LIFT_CUT = 0.05
 """Modes of the lift correction weaker than this (in standard deviations of the residual) are left out."""
-LINEARISED = 3
-"""Descents, at most, after each of which the torque is linearised about the linear parameters that it found."""
 UNFELT = 0.2
 """Coefficients whose column is shorter than this share of the weakest mode are left out beforehand."""
 
@@ -297,18 +295,11 @@ def solve(
     z = np.clip(problem.start if start is None else start, *problem.bounds)
     output = output_at(problem, z)
     modes = lift_at(problem, z, known=output) if lift is None else lift
-    trial, about = try_at(problem, z, modes, smoother(smoothing), output), z
-    for _ in range(LINEARISED):
-        descent = _descent(problem, modes, smoothing, about)
-        ended = minimise(descent, trial, effort)
-        about = ended.trial.z
-        trial = try_at(problem, about, modes, smoother(smoothing))
-        if abs(trial.chi_square - ended.trial.chi_square) < effort.gain * trial.chi_square + LEAST_GAIN:
-            break
-    trial, point = ended.trial, ended.point or descent.linearise(ended.trial)
+    first = try_at(problem, z, modes, smoother(smoothing), output)
+    trial, point, cost = minimise_about(z, partial(_descent, problem, modes, smoothing), first, effort)
     outer = np.outer(problem.steps, problem.steps)
     return Solution(
-        trial.z, trial.chi_square, trial.data_chi_square, point.vector / problem.steps, *ended.cost,
+        trial.z, trial.chi_square, trial.data_chi_square, point.vector / problem.steps, *cost,
         point.matrix / outer, point.data_matrix / outer, point.output, trial.residual, modes,
     )  # fmt: skip
 
@@ -324,14 +315,12 @@ def approach(problem: Problem, start: Trial, iterations: int, lift: LiftModes, s
 
 def _descent(problem: Problem, lift: LiftModes, smoothing: float, about: Array) -> Descent[Trial, NormalEquations]:
     """Return the way down whose trials are linearised about the linear parameters of one point, (k,)."""
-    bounds, steps, (means, stds) = problem.bounds, problem.steps, problem.priors
-    smooth = smoother(smoothing)
+    bounds, steps, (means, stds), smooth = problem.bounds, problem.steps, problem.priors, smoother(smoothing)
     inverse = (steps / stds) ** 2
 
     def linearise(trial: Trial) -> NormalEquations:
-        data_matrix, vector, output = normal_equations(
-            problem, trial.z, trial.residual, lift, smooth, trial.output.path
-        )
+        there = (trial.z, trial.residual, lift, smooth, trial.output.path)
+        data_matrix, vector, output = normal_equations(problem, *there)
         if not np.max(np.abs(data_matrix)) < LARGEST_INFORMATION:
             raise FloatingPointError("the derivative of the chain is not finite")
         matrix = data_matrix + np.diag(inverse)
@@ -354,8 +343,8 @@ def lift_at(problem: Problem, z: Array, cut: float = LIFT_CUT, known: ChainOutpu
 
 def _step(problem: Problem, point: NormalEquations, z: Array, damping: float) -> tuple[Array, float]:
     """Return a damped step within bounds [SI] and how much chi-square it promises."""
-    steps, (lower, upper) = problem.steps, problem.bounds
-    more, first = np.full(z.size, 1e-9), problem.n_nonlinear
+    steps, (lower, upper), first = problem.steps, problem.bounds, problem.n_nonlinear
+    more = np.full(z.size, 1e-9)
     more[:first] += damping * np.maximum(np.diag(point.matrix)[:first], 1e-3)
     step, promise = bounded_step(point.matrix, more, point.vector, z / steps, lower / steps, upper / steps)
     return step * steps, promise

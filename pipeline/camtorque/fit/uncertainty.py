@@ -191,12 +191,14 @@ def stated_pressure(chain: ChainInput, output: ChainOutput) -> Array:
     if not chain.uses_chamber:
         return pressure
     open_or_about = np.any(_around(delivering(output), _half(pressure, 2.0 * RIPPLE_DEG)), axis=1)
-    own, heard = (float(np.mean(ripple(one)[open_or_about] ** 2)) for one in (pressure, line))
+    amplitude = ripple(pressure)
+    own, heard = (float(np.mean(one[open_or_about] ** 2)) for one in (amplitude, ripple(line)))
     if own <= LOUDER**2 * heard:
         return pressure
     _, coefficients, _ = _parabolas(pressure, _half(pressure, RIPPLE_DEG))
     share = (1.0 - LOUDER * np.sqrt(heard / own)) * open_or_about
-    return np.asarray(pressure - share * (pressure - coefficients[:, -1]))
+    # where delivery ends a parabola misses by more than swings there
+    return np.asarray(pressure - share * np.clip(pressure - coefficients[:, -1], -2.0 * amplitude, 2.0 * amplitude))
 
 
 def _parabolas(values: Array, half: int) -> tuple[Array, Array, Array]:
