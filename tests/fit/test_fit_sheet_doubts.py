@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import fields
 
 import pytest
 from camtorque.config import PumpData
+from camtorque.fit import sheet_doubts as room
 from camtorque.fit.findings import sheet_findings
 from camtorque.fit.minima import Candidate, at_minimum
-from camtorque.fit.sheet_doubts import AS_WELL, DELAYS, OF_PUMP, QUANTITIES, SheetDoubt, sheet_doubts, two_ln_odds
+from camtorque.fit.sheet_doubts import AS_WELL, DELAYS, OF_PUMP, QUANTITIES, SheetDoubt, odds_against, sheet_doubts
 from camtorque.fit.uncertainty import covariance, narrowed
 from fit_cases import quick
 
@@ -46,30 +48,29 @@ def test_a_wrong_sheet_is_named_with_its_size(family: str, quantity: str, wrong_
 ])  # fmt: skip
 def test_a_wrong_delay_is_told_as_that_of_one_sensor_or_the_other(family: str, quantity: str, later: float):
     """The trigger angle takes what both have in common: torque too late and pressure too early are one."""
-    wrong = at_minimum(QUANTITIES[quantity](quick((family, 0, 1000.0)).data, 1.0 + later))
+    wrong = at_minimum(QUANTITIES[quantity](quick((family, 0, 1000.0)).data, math.exp(later)))
     found = doubts_of(wrong)[0]
     assert found.quantity in DELAYS
     asked = -later if found.quantity == quantity else later
-    assert found.factor - 1.0 == pytest.approx(asked, abs=3.0 * found.std)
+    assert math.log(found.factor) == pytest.approx(asked, abs=3.0 * found.std / found.factor)
 
 
 def test_a_descent_that_runs_away_is_no_doubt(monkeypatch: pytest.MonkeyPatch):
-    from camtorque.fit import sheet_doubts as room
-
     wrong = at_minimum(QUANTITIES["plunger_diameter_m"](quick(RUN).data, 1.15))
     assert doubts_of(wrong)
 
     def runs_away(*_: object) -> Candidate:
         raise FloatingPointError
 
-    monkeypatch.setattr(room, "at_minimum", runs_away)
-    assert doubts_of(wrong) == ()
+    for name in ("at_minimum", "_pull"):
+        monkeypatch.setattr(room, name, runs_away)
+        assert doubts_of(wrong) == ()
 
 
 def test_odds_go_with_gain_and_with_how_sharply_a_factor_is_known():
-    assert two_ln_odds(20.0, 0.05) - two_ln_odds(15.0, 0.05) == pytest.approx(5.0)
-    assert two_ln_odds(15.0, 0.1) > two_ln_odds(15.0, 0.01)
-    assert two_ln_odds(0.0, 0.3) < -7.0  # one sheet in fifty is wrong
+    assert odds_against(20.0, 0.05) - odds_against(15.0, 0.05) == pytest.approx(5.0)
+    assert odds_against(15.0, 0.1) > odds_against(15.0, 0.01)
+    assert odds_against(0.0, 0.3) < -7.0  # one sheet in fifty is wrong
 
 
 def test_quantities_of_the_pump_are_its_fields():
@@ -86,6 +87,6 @@ def test_the_finding_says_what_is_asked_for_and_what_is_stated():
     assert found.severity == "warning"
     assert f"plunger_diameter_m = {0.9 * pump.plunger_diameter:.3g}" in found.text
     assert "a gain of the torque that is 1.20 ± 0.03 times as large" in found.text
-    (found,) = sheet_findings((SheetDoubt("delay of the torque", 1.3, 0.031, 20.0),), pump)
+    (found,) = sheet_findings((SheetDoubt("delay of the torque", math.exp(0.3), 0.031 * math.exp(0.3), 20.0),), pump)
     assert "a delay of the torque that is 0.30 ± 0.03 ms shorter (the two delays" in found.text
     assert sheet_findings((), pump) == ()

@@ -156,11 +156,11 @@ def minimise_about(
     start : trial there
     """
     iterations = evaluations = 0
+    descent = descent_about(about)
     for _ in range(LINEARISED):
-        descent = descent_about(about)
         ended = minimise(descent, start, effort)
-        about = ended.trial.z
-        start = descent_about(about).try_at(about)
+        descent = descent_about(ended.trial.z)
+        start = descent.try_at(ended.trial.z)
         iterations, evaluations = iterations + ended.cost[0], evaluations + ended.cost[1] + 1
         if abs(start.chi_square - ended.trial.chi_square) < SEEMED * start.chi_square + LINEARISED_GAIN:
             break

@@ -170,7 +170,7 @@ def sheet_findings(doubts: Sequence[SheetDoubt], pump: PumpData) -> tuple[Findin
 def _otherwise(doubt: SheetDoubt, pump: PumpData) -> str:
     field = OF_PUMP.get(doubt.quantity)
     if doubt.quantity in DELAYS:
-        shorter, known = 1e3 * A_DELAY * (doubt.factor - 1.0), 1e3 * A_DELAY * doubt.std
+        shorter, known = (1e3 * A_DELAY * part for part in (math.log(doubt.factor), doubt.std / doubt.factor))
         way = "shorter" if shorter > 0.0 else "longer"
         return f"a {doubt.quantity} that is {abs(shorter):.2f} ± {known:.2f} ms {way}"
     if field is None:

@@ -20,6 +20,7 @@ from camtorque.fit.descent import Effort, free_at
 from camtorque.fit.minima import POLISH, Candidate, at_minimum, attempted
 from camtorque.fit.problem import FitData, build_problem
 from camtorque.fit.solver import output_at, with_slopes
+from camtorque.fit.turned import at_angle
 from camtorque.records import Array
 
 WRONG_SHEETS = 0.02
@@ -78,10 +79,11 @@ def _torque_later(item: FitData, factor: float) -> FitData:
 
 
 def _later(item: FitData, values: Array, factor: float) -> Array:
-    """Return periodic values (n,) that come later by a factor less one, in units of `A_DELAY`."""
-    spectrum = np.fft.rfft(values)
-    angle = item.chain.speed * (factor - 1.0) * A_DELAY
-    return np.asarray(np.fft.irfft(spectrum * np.exp(-1j * np.arange(spectrum.size) * angle), values.size))
+    """Return periodic values (n,) that come later by the logarithm of a factor, in units of `A_DELAY`.
+
+    Two factors after one another are then their product, as of everything else.
+    """
+    return at_angle(values, -item.chain.speed * math.log(factor) * A_DELAY)
 
 
 OF_PUMP = {
@@ -99,7 +101,7 @@ QUANTITIES: Mapping[str, Scaled] = {
 }
 """What may be stated wrongly -> the recording as it would be with a factor on it."""
 DELAYS = ("delay of the pressure", "delay of the torque")
-"""What has no factor: one more than 1 by x is a delay that is stated x times `A_DELAY` too long."""
+"""What has no factor: the logarithm of one is by how many times `A_DELAY` a delay is stated too long."""
 SIZES = ("plunger_diameter_m", "lift of the cam", "gain of the pressure", "gain of the torque")
 """What stands in for one another: how much torque a pressure makes."""
 
@@ -135,8 +137,9 @@ def sheet_doubts(best: Candidate, inflation: float) -> tuple[SheetDoubt, ...]:
     inflation : factor on the variance of the residual
     """
     tangents = _tangents(best)
-    gains = {name: _pull(best, scaled, inflation, tangents).gain for name, scaled in QUANTITIES.items()}
-    if max(gains.values()) < WORTH_FOLLOWING:
+    pulls = {name: attempted(_pull, best, scaled, inflation, tangents) for name, scaled in QUANTITIES.items()}
+    gains = {name: pull.gain for name, pull in pulls.items() if pull}
+    if max(gains.values(), default=0.0) < WORTH_FOLLOWING:
         return ()
     settled = best if best.solution.converged else _settled(best)
     found = [doubt for name, gain in gains.items() if gain > BESIDE for doubt in _doubts(settled, name, inflation)]
@@ -157,7 +160,7 @@ def _settled(best: Candidate) -> Candidate:
     return further if further and further.solution.chi_square < best.solution.chi_square else best
 
 
-def two_ln_odds(gain: float, std: float) -> float:
+def odds_against(gain: float, std: float) -> float:
     """Return twice the logarithm of the odds against a sheet: a gain of chi-square, a factor's standard error."""
     return gain + 2.0 * math.log(std / WRONG_BY * WRONG_SHEETS / (1.0 - WRONG_SHEETS))
 
@@ -211,7 +214,7 @@ def _followed(best: Candidate, scaled: Scaled, inflation: float, name: str, star
             break
         item, factor = moved[0], factor * moved[1]
     gain = (best.solution.chi_square - item.solution.chi_square) / inflation
-    return SheetDoubt(name, factor, factor * std, two_ln_odds(gain, std)) if gain > 0.0 else None
+    return SheetDoubt(name, factor, factor * std, odds_against(gain, std)) if gain > 0.0 else None
 
 
 def _stepped(item: Candidate, scaled: Scaled, step: float) -> tuple[Candidate, float] | None:

@@ -109,8 +109,10 @@ def torque_columns(pump, mu, theta, lift, rate, second, pressure, coefficients, 
         for k in range(_N):
             part, row, c = parts[k], sums[_SIDE[k]], coefficients[k]
             row[0] += c * part.arm
-            row[1] += c * part.arm_by_angle
             row[2] += c * part.force
+            if not wanted:
+                continue
+            row[1] += c * part.arm_by_angle
             row[3] += c * part.force_by_angle
             row[4] += c * part.force_by_rate
             row[5] += c * part.force_by_pressure
