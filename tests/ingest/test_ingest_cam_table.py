@@ -113,8 +113,33 @@ def test_a_point_that_sticks_out_at_the_seam_is_no_table_that_does_not_close(tmp
 def test_a_table_that_does_not_count_from_the_start_of_lift_is_refused(tmp_path: Path, turned: int, start: str):
     file = tmp_path / "cam.csv"
     file.write_text(rows(np.arange(360.0), np.roll(LIFT_A, turned)))
-    with pytest.raises(Refusal, match=rf"zero at the start of lift .* starts at about {start} deg: take that off"):
+    said = rf"zero at the start of lift .* starts at about {start} deg: write cam_table_zero_deg = {start} in \[pump\]"
+    with pytest.raises(Refusal, match=said):
         read_cam_table(pump(file))
+
+
+@pytest.mark.parametrize("zero", [150.0, 240.0, 320.0, -40.0])
+def test_a_table_that_begins_elsewhere_is_counted_from_the_start_of_lift(tmp_path: Path, zero: float):
+    file = tmp_path / "cam.csv"
+    file.write_text(rows(np.arange(360.0), np.roll(LIFT_A, int(zero))))
+    table, findings = read_cam_table(replace(pump(file), cam_table_zero=np.deg2rad(zero)))
+    np.testing.assert_allclose(table.theta, np.deg2rad(np.arange(360.0)), atol=1e-12)
+    np.testing.assert_allclose(1e3 * table.lift, LIFT_A, atol=5.1e-4)  # rows are written to a micrometre
+    assert findings[-1].code == "lift_table_zero"
+    assert f"at {zero:g} deg of the lift table" in findings[-1].text
+    with pytest.raises(Refusal, match=rf"at {zero + 90.0:g} deg, cam_table_zero_deg, .* write cam_table_zero_deg = "):
+        read_cam_table(replace(pump(file), cam_table_zero=np.deg2rad(zero + 90.0)))
+
+
+@pytest.mark.parametrize(
+    ("nominal", "zero", "turned"), [(170.0, 150.0, 20.0), (10.0, 320.0, 50.0), (300.0, 0.0, 300.0)]
+)
+def test_the_trigger_counts_from_the_start_of_lift_with_the_table(tmp_path, nominal, zero, turned):
+    text = (ROOT / "raw_examples" / "A_0300rpm" / "recording.toml").read_text()
+    text = text.replace("nominal_angle_deg = 20.0", f"nominal_angle_deg = {nominal}")
+    file = tmp_path / "recording.toml"
+    file.write_text(text.replace("[pump]", f"[pump]\ncam_table_zero_deg = {zero}"))
+    assert np.rad2deg(load_recording_config(file).trigger.nominal_angle) == pytest.approx(turned)
 
 
 @pytest.mark.parametrize("lower", [0.0, 0.002, 0.02])
@@ -210,7 +235,7 @@ def test_a_table_that_runs_the_other_way_is_told(tmp_path: Path):
     file = tmp_path / "cam.csv"
     for turned, told in ((np.roll(LIFT_A[::-1], 1), True), (np.roll(LIFT_A, 320), False)):
         file.write_text(rows(np.arange(360.0), turned))
-        with pytest.raises(Refusal, match="take that off the angles") as refused:
+        with pytest.raises(Refusal, match="write cam_table_zero_deg = ") as refused:
             read_cam_table(pump(file))
         assert (
             "against the direction of running: then each angle is 360 deg less itself" in str(refused.value)

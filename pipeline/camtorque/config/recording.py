@@ -11,6 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from camtorque.config import (
     ChannelSpec,
     DriveSpec,
@@ -71,7 +73,7 @@ def load_recording_config(path: Path) -> RecordingConfig:
         text=text,
         **recording,
         pump_sheet=PumpData(**single["pump"]) if root.has("pump") else None,
-        trigger=TriggerSpec(**single["trigger"]),
+        trigger=_from_start_of_lift(TriggerSpec(**single["trigger"]), single["pump"]),
         sensors=references,
         loggers=loggers,
         channels=tuple(specs),
@@ -165,6 +167,14 @@ def _channel(values: dict[str, Any], loggers: tuple[LoggerSpec, ...], duration: 
         raise Refusal(f"{where}: found {logger!r}, expected one of {', '.join(names)}{hint}")
     stated = values["duration"] if values["duration"] is not None else duration
     return ChannelSpec(**{**values, "logger": logger, "duration": stated})
+
+
+def _from_start_of_lift(trigger: TriggerSpec, pump: Mapping[str, Any]) -> TriggerSpec:
+    """Return the trigger with its angle counted from the start of lift, within half a revolution of it."""
+    if not pump.get("cam_table_zero"):
+        return trigger
+    turned = trigger.nominal_angle - pump["cam_table_zero"]
+    return replace(trigger, nominal_angle=(turned + np.pi) % (2.0 * np.pi) - np.pi)
 
 
 def _assumed(root: Table) -> list[Finding]:

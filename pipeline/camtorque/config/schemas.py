@@ -61,6 +61,9 @@ CAM_TABLE_KEYS = (
         default="cam_angle_deg"),
     Key("cam_table_lift_column", "text", "its lift; the unit ends the name (_mm, _m, _um) or stands in a unit row",
         default="lift_mm"),
+    Key("cam_table_zero_deg", "number",
+        "angle in the table at which the lift starts, where that is not its zero; taken off its angles and off "
+        "nominal_angle_deg", "deg", 0.0, ANGLE, attribute="cam_table_zero"),
 )  # fmt: skip
 PUMP = TableSchema("[pump]", "catalogue values of the pump; `run` needs them, `align` does not", (
     Key("base_circle_radius_m", "number", "cam radius at zero lift", "m",

@@ -50,6 +50,7 @@ class PumpData:
     cam_table_path: Path
     cam_table_angle_column: str
     cam_table_lift_column: str
+    cam_table_zero: float = 0.0
     poisson_ratio: float = 0.3
     roller_mass: float | None = None
     roller_inertia: float | None = None

@@ -56,7 +56,7 @@ def read_cam_table(pump: PumpData) -> tuple[CamTable, tuple[Finding, ...]]:
 
     Angle and lift carry their units at the end of the column names (``cam_angle_deg``, ``lift_mm``). The resolution is
     that of the comment, else the step that all values share, at least the last decimal written. A repeated end point
-    at one revolution is dropped.
+    at one revolution is dropped. The angles returned count from the start of lift: from ``cam_table_zero`` of the file.
 
     Raises
     ------
@@ -90,14 +90,24 @@ def read_cam_table(pump: PumpData) -> tuple[CamTable, tuple[Finding, ...]]:
     if (stated := STATED.search(table.comment)) and not RESOLUTION.search(table.comment):
         text = f"{stated[0]!r} is not read, the decimals tell {1e6 * resolution:.3g} um; write it as: resolution 1 um"
         findings.append(Finding("lift_resolution_unread", "warning", text, where))
-    _check_zero(table, theta, lift)
     findings += _coarse(theta, lift, where)
-    cam = CamTable(theta, lift, resolution)
-    said, places = outliers_text(cam)
+    said, places = outliers_text(CamTable(theta, lift, resolution))
     if said:  # no smoothing would take them for wrong
         text = f"{said}: torque and stress are wrong there; measure them again"
         findings.append(Finding("lift_outlier", "warning", text, places))
-    return cam, tuple(findings)
+    if zero := pump.cam_table_zero:
+        theta, lift = _turned(theta, lift, zero)
+        text = f"cam angles count from the start of lift, which is at {np.rad2deg(zero):g} deg of the lift table"
+        findings.append(Finding("lift_table_zero", "info", text, where))
+    _check_zero(table, theta, lift, zero)
+    return CamTable(theta, lift, resolution), tuple(findings)
+
+
+def _turned(theta: Array, lift: Array, zero: float) -> tuple[Array, Array]:
+    """Return a table whose angles count from one of its own."""
+    turned = (theta - zero) % (2.0 * np.pi)
+    start = int(np.argmin(turned))
+    return np.roll(turned, -start), np.roll(lift, -start)
 
 
 def _in_order(theta: Array, lift: Array, where: str) -> tuple[Array, Array, list[Finding]]:
@@ -163,7 +173,7 @@ def _coarse(theta: Array, lift: Array, where: str) -> list[Finding]:
     return [Finding("lift_table_coarse", "warning", text, where)]
 
 
-def _check_zero(table: SmallTable, theta: Array, lift: Array) -> None:
+def _check_zero(table: SmallTable, theta: Array, lift: Array, zero: float) -> None:
     """Refuse a table whose angles do not count from the start of the lift."""
     above = (lift - np.min(lift)) / np.ptp(lift)
     at_zero = float(np.interp(0.0, theta, above, period=2.0 * np.pi))
@@ -176,11 +186,13 @@ def _check_zero(table: SmallTable, theta: Array, lift: Array) -> None:
     start = theta[back_from_top[int(np.argmax(above[back_from_top] <= ABOVE_ZERO))]]
     against = at_zero <= MOST_AT_ZERO and 2.0 * np.pi - top <= LAST_TOP
     hint = "; or it runs against the direction of running: then each angle is 360 deg less itself" if against else ""
+    found = f"at {np.rad2deg(zero):g} deg, cam_table_zero_deg," if zero else "at angle zero"
+    start_deg = round(float(np.rad2deg(start + zero))) % 360
     raise Refusal(
-        f"{table.path}: the lift stands at {100.0 * at_zero:.0f} % of its stroke at angle zero and is highest at "
-        f"{np.rad2deg(top):.0f} deg, expected zero at the start of lift and the top before "
-        f"{np.rad2deg(LAST_TOP):.0f} deg; the lift starts at about {np.rad2deg(start):.0f} deg: take that off the "
-        f"angles of the table and off nominal_angle_deg{hint}"
+        f"{table.path}: the lift stands at {100.0 * at_zero:.0f} % of its stroke {found} and is highest "
+        f"{np.rad2deg(top):.0f} deg further on, expected zero at the start of lift and the top before "
+        f"{np.rad2deg(LAST_TOP):.0f} deg; the lift starts at about {start_deg} deg: write cam_table_zero_deg = "
+        f"{start_deg} in [pump], where nominal_angle_deg counts from the zero of the table, too{hint}"
     )
 
 
