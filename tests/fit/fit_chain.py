@@ -5,6 +5,6 @@ from pathlib import Path
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "laws"))
 
-from laws_cases import chain_input
+from laws_cases import chain_input, start_values
 
-__all__ = ["chain_input"]
+__all__ = ["chain_input", "start_values"]

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from camtorque.fit import forecast
 from camtorque.fit.minima import at_minimum
 from camtorque.fit.problem import with_rows
 from camtorque.fit.uncertainty import (
@@ -29,8 +30,10 @@ from camtorque.fit.valleys import (
     profile_trigger_angle,
     softer_shaft,
 )
+from camtorque.laws.chain import COLUMN_NAMES
 from camtorque.laws.valve import SEAT_FLOW
 from fit_cases import quick, quick_halves, rig
+from fit_chain import chain_input, start_values
 from scipy.special import expit
 
 LAND, STIFF_SHAFT = ("closed_volume", 0, 1000.0), ("stiff_shaft", 0, 500.0)
@@ -185,6 +188,20 @@ def test_a_chatter_that_the_line_does_not_have_is_stated_as_its_mean(n):
     assert stated_pressure(chain, heard) is heard.pressure
     measured = SimpleNamespace(uses_chamber=False, line_pressure=chain.line_pressure)
     assert stated_pressure(measured, chattering) is chattering.pressure
+
+
+def test_the_contact_of_a_forecast_carries_the_pressure_that_is_stated(monkeypatch):
+    """A chatter taken off the stated pressure had stayed in the contact force."""
+    chain, values = chain_input(), {**start_values(), **dict.fromkeys(COLUMN_NAMES, 0.0), "guide_friction": 0.0}
+    monkeypatch.setattr(forecast, "stated_pressure", lambda chain, output: output.pressure)
+    whole = forecast._parts(chain, values, None)
+    monkeypatch.setattr(forecast, "stated_pressure", lambda chain, output: 0.9 * output.pressure)
+    calmed = forecast._parts(chain, values, None)
+    force = whole["load"] - calmed["load"]
+    np.testing.assert_allclose(force, 0.1 * chain.pump.plunger_area * whole["pressure"], rtol=1e-9, atol=1e-9)
+    assert np.max(force) > 100.0
+    np.testing.assert_allclose(calmed["contact"] * whole["load"], whole["contact"] * calmed["load"], rtol=1e-12)
+    np.testing.assert_array_equal(calmed["torque"], whole["torque"])
 
 
 def test_a_slope_that_runs_away_at_one_angle_is_cut_and_a_steep_flank_is_not() -> None:

@@ -299,9 +299,11 @@ def _parts(chain: ChainInput, values: Mapping[str, float], lift: SharedLift | No
     left_out = ("torque_zero", "lift_table") if lift is None else ("torque_zero",)
     named = {f"cause {name}": part for name, part in causes.items() if name not in left_out}
     torque = np.asarray(np.sum(list(causes.values()), axis=0))
-    along, normal = contact_load(chain, values, output, force)
+    pressure = stated_pressure(chain, output)
+    calmed = replace(output, load=output.load + chain.pump.plunger_area * (pressure - output.pressure))
+    along, normal = contact_load(chain, values, calmed, force)
     return {
-        **named, "torque": torque, "mean": np.array(np.mean(torque)), "pressure": stated_pressure(chain, output),
+        **named, "torque": torque, "mean": np.array(np.mean(torque)), "pressure": pressure,
         "load": along, "contact": normal, "plunger_force": force, "angle": output.motion.theta,
         "flow": output.flows[:, SEAT_FLOW], "delivered": np.array(stroke_volume(chain, values, output)),
     }  # fmt: skip
