@@ -36,12 +36,15 @@ EXPECTED: dict[str, tuple[str, ...]] = {
     "preload": ("spring_preload_error", "spring"),
     "trigger": ("trigger_offset",), "friction": FRICTION,
     "warm": ("leakage", "bulk_modulus", "shaft_viscous", "plunger_viscous", "damping", "friction"),
+    "rate": ("spring_stiffness_error", "spring"),
 }  # fmt: skip
 """Change -> names of which one has to be told."""
 CLEARANCE = 4.0
 WIDER = {"clear05": 0.5, "clear1": 1.0, "clear2": 2.0}
 """Clearance before, and change -> by how much it grows [um]."""
 LEAST_LEAK = 5e-15
+OTHER_SPRING = {"preload": ("spring_preload", -6.0), "rate": ("spring_stiffness", -6.0)}
+"""Change -> what of the spring it is of, and how large it is [%]."""
 
 
 def changed(truth: RigTruth, kind: str) -> RigTruth:
@@ -49,6 +52,9 @@ def changed(truth: RigTruth, kind: str) -> RigTruth:
     friction, chamber = truth.friction, truth.chamber
     if kind in WIDER:
         return change(truth, chamber__leak=chamber.leak * (1.0 + WIDER[kind] / CLEARANCE) ** 3)
+    if kind in OTHER_SPRING:
+        name, percent = OTHER_SPRING[kind]
+        return change(truth, **{f"pump__{name}": (1.0 + 0.01 * percent) * getattr(truth.pump, name)})
     if kind == "trigger":
         return change(truth, trigger__angle_offset=truth.trigger.angle_offset + 0.3 * DEGREE)
     if kind == "friction":
@@ -84,7 +90,8 @@ def compared_side(run: RigRun, sheet: RigRun, kind: str) -> Prepared:
 def true_changes(kind: str, truth: RigTruth) -> dict[str, float]:
     """Return by how much those parameters really change whose size is known, in the units of the report."""
     leak = (changed(truth, kind).chamber.leak - truth.chamber.leak) / ROWS["leakage"].per_unit
-    known = {"leakage": leak, "trigger_offset": 0.3, "spring_preload_error": -6.0}
+    known = {"leakage": leak, "trigger_offset": 0.3}
+    known |= {f"{name}_error": percent for name, percent in OTHER_SPRING.values()}
     return {name: known[name] for name in EXPECTED[kind] if name in known}
 
 
@@ -113,8 +120,7 @@ def rig_rows(family: str, seed: int, kinds: Sequence[str]) -> list[dict[str, obj
         if kind not in kinds:
             continue
         start = time.perf_counter()
-        moved = truth if kind != "preload" else change(truth, pump__spring_preload=0.94 * truth.pump.spring_preload)
-        after = compared_side(recorded(changed(moved, kind), speed, load, 10 * seed + place + 1), sheet, kind)
+        after = compared_side(recorded(changed(truth, kind), speed, load, 10 * seed + place + 1), sheet, kind)
         found = compare_prepared(before, after)
         told = {row.name for row in (*found.parameters, *found.losses) if row.verdict == "changed"}
         true = true_changes(kind, truth)

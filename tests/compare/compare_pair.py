@@ -21,7 +21,10 @@ sys.path.append(str(Path(__file__).resolve().parents[1] / "laws"))
 
 from laws_cases import chain_input, start_values
 
-NAMES = ("torque_zero", "trigger_offset", "delay_error", "leakage", "bulk_modulus", "spring_preload_error", *GAINS)
+NAMES = (
+    "torque_zero", "trigger_offset", "delay_error", "leakage", "bulk_modulus", "spring_preload_error",
+    "spring_stiffness_error", *GAINS,
+)  # fmt: skip
 NOISE, CYCLES = 0.02, 12
 
 

@@ -52,16 +52,17 @@ RINGING = 1.5 * np.cos(90.0 * angle_grid(BINS)) * np.exp(-angle_grid(BINS))
 
 @cache
 def told(
-    leak: float = 0.0, turned: float = 0.0, spring: float = 0.0, zero: float = 0.0
+    leak: float = 0.0, turned: float = 0.0, spring: float = 0.0, zero: float = 0.0, rate: float = 0.0
 ) -> tuple[Attribution, TwoRecordings]:
     return attribution(made_pair({
         "leakage": leak, "trigger_offset": turned, "spring_preload_error": spring, "torque_zero": zero,
+        "spring_stiffness_error": rate,
     }))  # fmt: skip
 
 
 @pytest.mark.parametrize(("truth", "found"), [
     ({}, ()), ({"zero": 0.05}, ()), ({"leak": LEAK}, ("leakage",)), ({"turned": TURNED}, ("trigger",)),
-    ({"leak": LEAK, "spring": SPRING}, ("leakage", "spring")),
+    ({"leak": LEAK, "spring": SPRING}, ("leakage", "spring")), ({"rate": -0.05}, ("spring_rate",)),
 ])  # fmt: skip
 def test_the_event_behind_a_difference_is_found_and_no_other(truth: dict[str, float], found: tuple[str, ...]) -> None:
     assert told(**truth)[0].best == found

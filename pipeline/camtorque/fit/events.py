@@ -16,6 +16,7 @@ CHANGES: dict[str, tuple[str, ...]] = {
     "leakage": ("leakage",),
     "trigger": ("trigger_offset",),
     "spring": ("spring_preload_error",),
+    "spring_rate": ("spring_stiffness_error",),
     "friction": ("bearing_arm", "pin_arm", "guide_friction", "shaft_drag"),
     "packing": ("packing_force", "packing_friction"),
     "damping": ("shaft_viscous", "plunger_viscous"),

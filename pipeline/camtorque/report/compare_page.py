@@ -27,6 +27,7 @@ EVENTS: dict[str, str] = {
     "leakage": "leakage past the plunger (clearance, wear)",
     "trigger": "trigger mounted at another angle",
     "spring": "preload of the spring",
+    "spring_rate": "rate of the spring (another spring, a broken coil)",
     "friction": "friction of bearings, pin or guide",
     "packing": "friction of the packing",
     "damping": "viscous drag (oil, shaft, plunger)",
