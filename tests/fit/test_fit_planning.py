@@ -100,6 +100,14 @@ def test_no_run_loses_more_than_its_share_of_what_is_known() -> None:
     assert told_more == pytest.approx(np.diag([4.0, 1.0])), "fewer counts tell nothing more"
 
 
+def test_a_direction_that_no_data_tell_loses_nothing_by_rounding() -> None:
+    """The inverse of a covariance that is known to 1e-10 had no Cholesky factor, and a whole run ended there."""
+    hardly = np.array([[1.0, 1.0 + 1e-10], [1.0 + 1e-10, 1.0]]) * np.outer([1e9, 1e-9], [1e9, 1e-9])
+    assert lessened(hardly, np.zeros((2, 2)), 0.5) == pytest.approx(hardly)
+    left = lessened(hardly, 0.9 * hardly, 0.5)
+    assert left == pytest.approx(0.5 * hardly, rel=1e-6), "half of what is known is kept"
+
+
 def test_what_the_lift_table_may_be_wrong_by_tells_nothing() -> None:
     alike = point(100.0, 0.1, lift=10.0 * np.sin(ANGLE)[:, None])
     sure, unsure = (information(Offer(one, 20.0, False), 2)[0, 0] for one in (point(100.0, 0.1), alike))

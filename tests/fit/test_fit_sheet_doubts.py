@@ -67,6 +67,16 @@ def test_a_descent_that_runs_away_is_no_doubt(monkeypatch: pytest.MonkeyPatch):
         assert doubts_of(wrong) == ()
 
 
+@pytest.mark.parametrize(("std", "told"), [(0.31, False), (0.05, True)])
+def test_a_factor_that_may_as_well_be_one_is_no_doubt(monkeypatch: pytest.MonkeyPatch, std: float, told: bool):
+    """A deeper minimum elsewhere said 15.9 +- 4.0 mm in place of 13, where 10 were true."""
+    wrong = at_minimum(QUANTITIES["plunger_diameter_m"](quick(RUN).data, 1.15))
+    monkeypatch.setattr(
+        room, "_followed", lambda best, scaled, inflation, name, start: SheetDoubt(name, 1.2, std, 20.0)
+    )
+    assert bool(doubts_of(wrong)) is told
+
+
 def test_odds_go_with_gain_and_with_how_sharply_a_factor_is_known():
     assert odds_against(20.0, 0.05) - odds_against(15.0, 0.05) == pytest.approx(5.0)
     assert odds_against(15.0, 0.1) > odds_against(15.0, 0.01)

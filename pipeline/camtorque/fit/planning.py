@@ -248,10 +248,13 @@ def known_beside(known: KnownFit, fitted: Sequence[Offer], made: Sequence[Step],
 
 def lessened(information: Array, lost: Array, most: float) -> Array:
     """Return an information (k, k) less what of it is lost, in no direction more than a share of it."""
-    root = np.linalg.cholesky(information)
-    half = np.linalg.solve(root, lost)
-    share, directions = np.linalg.eigh(np.linalg.solve(root, half.T))
-    turned = root @ directions
+    unit = np.sqrt(np.diag(information))
+    size, axes = np.linalg.eigh(0.5 * (information + information.T) / np.outer(unit, unit))
+    # an inverse of what the data hardly tell may be below zero by its rounding
+    root = np.sqrt(np.maximum(size, np.finfo(np.float64).eps * size[-1]))
+    apart = axes.T / root[:, None] / unit
+    share, directions = np.linalg.eigh(apart @ lost @ apart.T)
+    turned = (axes * root) @ directions * unit[:, None]
     return np.asarray(information - turned * np.clip(share, 0.0, most) @ turned.T)
 
 

@@ -32,8 +32,8 @@ WORTH_FOLLOWING, BESIDE = 5.0, 2.0
 sensors are far along the line), and that of other quantities that are then followed beside it."""
 A_DELAY = 1.0e-3
 """Delay that counts as a factor's unit [s]: 0.3 ms is a logger's filter that no sheet names."""
-LEAST = 0.03
-"""Deviation of a factor from 1 that is told: smaller is what sheets err by."""
+LEAST, SURE = 0.03, 2.0
+"""Deviation of a factor from 1 that is told: smaller is what sheets err by; and its least number of standard errors."""
 STARTS = (1.0, 0.87, 1.15)
 """Factors from which a minimum is followed."""
 STEP = 2.0e-3
@@ -144,7 +144,7 @@ def sheet_doubts(best: Candidate, inflation: float) -> tuple[SheetDoubt, ...]:
     settled = best if best.solution.converged else _settled(best)
     found = [doubt for name, gain in gains.items() if gain > BESIDE for doubt in _doubts(settled, name, inflation)]
     doubts = sorted(found, key=lambda one: -one.two_ln_odds)
-    told = [one for one in doubts if abs(one.factor - 1.0) > LEAST]
+    told = [one for one in doubts if abs(one.factor - 1.0) > max(LEAST, SURE * one.std)]
     return tuple(one for one in told if one.two_ln_odds > max(0.0, doubts[0].two_ln_odds - AS_WELL))
 
 
