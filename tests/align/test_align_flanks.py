@@ -99,6 +99,15 @@ def test_a_trigger_at_another_tooth_is_told_or_refused(family: str, shift_deg: f
     assert "nominal_angle_deg" in text
 
 
+@pytest.mark.parametrize(("tolerance_deg", "told"), [(1.5, True), (10.0, True), (25.0, False)])
+def test_a_trigger_within_the_tolerance_that_its_sheet_states_is_not_doubted(tolerance_deg: float, told: bool) -> None:
+    recording, typical, speed = rig("closed_volume", 400.0)
+    trigger = replace(recording.config.trigger, installation_tolerance=np.radians(tolerance_deg))
+    recording = replace(recording, config=replace(recording.config, trigger=trigger))
+    found = check_flanks(moved(typical, np.radians(22.0)), recording, speed)
+    assert [row.code for row in found] == ["trigger_far_off"] * told
+
+
 @pytest.mark.parametrize("family", ["closed_volume", "spill", "other_geometry", "negative_rotation"])
 def test_table_read_against_the_direction_of_running_is_refused(family: str) -> None:
     recording, typical, speed = rig(family, 400.0)

@@ -50,6 +50,20 @@ def test_a_diameter_is_proposed_where_one_would_explain_the_torque(aligned):
     assert "check plunger_diameter_m (8 mm), the lift table" in text(-0.2)
 
 
+@pytest.mark.parametrize(
+    ("degrees", "tolerance", "diameter", "seen"),
+    [(-15.0, 1.5, 0.008, True), (-15.0, 25.0, 0.008, False), (18.0, 25.0, 0.008, False), (18.0, 25.0, 0.0055, True)],
+)
+def test_a_trigger_within_its_tolerance_makes_no_other_pump(aligned, degrees, tolerance, diameter, seen):
+    """A sheet that admits 25 degrees admits the torque of a trigger that is 18 off."""
+    recording, cycles = aligned
+    steps = round(degrees / 360.0 * cycles.theta.size)
+    turned = replace(cycles, torque=np.roll(cycles.torque, steps, 1), pressure=np.roll(cycles.pressure, steps, 1))
+    trigger = replace(recording.config.trigger, installation_tolerance=np.radians(tolerance))
+    recording = replace(recording, config=replace(recording.config, trigger=trigger))
+    assert told(recording, turned, diameter) == seen
+
+
 def test_where_pressure_hardly_loads_the_cam_nothing_is_said(aligned):
     recording, cycles = aligned
     cycles = replace(cycles, pressure=np.full_like(cycles.pressure, 1e5))

@@ -304,7 +304,8 @@ def _moved(found: Flanks, recording: Recording, where: str) -> tuple[Finding, ..
         )
         return (Finding("uneven_running", "warning", text, where),)
     gained = found.forward.correlation - found.nominal_correlation
-    if gained > FAR_BETTER and abs(np.degrees(found.forward.shift)) > LOCAL_DEG:
+    limit = np.deg2rad(ALIKE_DEG) + spec.installation_tolerance  # the sheet's own tolerance is in no doubt
+    if gained > FAR_BETTER and abs(found.forward.shift) > max(np.deg2rad(LOCAL_DEG), limit):
         text = (
             f"torque follows pressure times lift velocity far better with the cam angle moved by "
             f"{_degrees(found.forward.shift)} degrees (correlation {found.forward.correlation:.2f}, as declared "
@@ -312,7 +313,6 @@ def _moved(found: Flanks, recording: Recording, where: str) -> tuple[Finding, ..
             f"trigger, and the tooth that it stands for{_starts(recording)}"
         )
         return (Finding("trigger_far_off", "warning", text, where),)
-    limit = np.deg2rad(ALIKE_DEG) + spec.installation_tolerance
     if len(found.places) > 1 and abs(np.median(list(found.places.values()))) > limit:
         text = (
             f"torque and pressure place the lift table away from the trigger's nominal angle ({listed} degrees; the "

@@ -12,17 +12,20 @@ quarter of a revolution off or more 0.28 at most. A line that a rail holds stead
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from camtorque.config import PumpData
 from camtorque.records import Array, CamCycles, Finding, Mask, Recording, Refusal, RigidTorque
-from camtorque.units import BAR, short
+from camtorque.units import BAR, TURN, short
 
 LOADED_SHARE = 0.7
 """Share of the largest rigid torque above which an angle counts."""
 USUAL = (0.95, 1.9)
 """Measured over rigid torque that is no finding; 52 pumps gave 1.00 to 1.67."""
+MOUNTED_DEG = 5.0
+"""Tolerance of a trigger [deg] above which that range is asked for where the torque lies, not at the nominal angle."""
 LEAST_TOLD = 0.2
 """Ratio below which no plunger would explain it: what rings or is of another run has no diameter."""
 BY_PRESSURE = 0.5
@@ -86,7 +89,32 @@ def load_findings(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -
     misplaced = _misplaced_findings(cycles, rigid, pump)
     sheets = [channel.calibration for channel in recording.of("torque")]
     zero_std = next((sheet.zero_std for sheet in sheets if sheet is not None), math.inf)
-    return (*misplaced, *base_findings(cycles, rigid, zero_std), *ratio_findings(load_ratio(cycles, rigid), pump))
+
+    def against(model: RigidTorque) -> tuple[Finding, ...]:
+        return (*base_findings(cycles, model, zero_std), *ratio_findings(load_ratio(cycles, model), pump))
+
+    found, tolerance = against(rigid), recording.config.trigger.installation_tolerance
+    if found and tolerance > math.radians(MOUNTED_DEG):
+        found = against(placed(cycles, rigid, pump, tolerance))
+    return (*misplaced, *found)
+
+
+def placed(cycles: CamCycles, rigid: RigidTorque, pump: PumpData, tolerance: float) -> RigidTorque:
+    """Return the rigid torque at the cam angle within a tolerance [rad] at which the measured torque follows it best.
+
+    The sheet of the trigger admits all of these angles. What does not come from the pressure moves with the lift.
+    """
+    reach = min(math.floor(tolerance / TURN * rigid.theta.size), rigid.theta.size // 2)
+    by_lift, push = rigid.torque - rigid.by_cause["pressure"], pump.plunger_area * cycles.mean_pressure
+
+    def at(steps: int) -> RigidTorque:
+        pressure = push * np.roll(rigid.lift_velocity, steps)
+        by_cause = {**rigid.by_cause, "pressure": pressure}
+        torque = np.roll(by_lift, steps) + pressure
+        return replace(rigid, torque=torque, by_cause=by_cause, lift=np.roll(rigid.lift, steps))
+
+    follows = [float(np.corrcoef(cycles.mean_torque, at(k).torque)[0, 1]) for k in range(-reach, reach + 1)]
+    return at(int(np.argmax(follows)) - reach) if reach else rigid
 
 
 def base_findings(cycles: CamCycles, rigid: RigidTorque, zero_std: float) -> tuple[Finding, ...]:
