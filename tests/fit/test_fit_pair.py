@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from camtorque.fit.pair import EDGE_SHARE, best_pair, pair_of
+from camtorque.fit.pair_scatter import covariance_of_mean
 from camtorque.fit.turned import angle_between, at_angle, without_noise_apart
 from camtorque.records import DEVIATION
 from camtorque.units import DEGREE, angle_grid
@@ -139,3 +140,30 @@ def test_each_recording_of_a_pair_turns_as_its_own_wheel_measured(side: str, ord
     assert before is None
     assert after is not None
     assert after.order == order
+
+
+@pytest.mark.parametrize(("count", "reach"), [(4, 0.0), (8, 0.0), (8, 3.0), (20, 0.0), (20, 3.0), (48, 0.0)])
+def test_two_means_of_few_cycles_differ_by_what_their_scatter_says(count: int, reach: float) -> None:
+    """Chi-square per bin of two means of one noise was 2.2 for 8 cycles, and so was the inflation of a difference."""
+    rng, bins, pairs = np.random.default_rng(count), 300, 40
+    noise = rng.standard_normal((2, count + pairs, bins))
+    if reach:  # half of it alike over some bins
+        kernel = np.exp(-0.5 * (np.arange(-20, 21) / reach) ** 2)
+        alike = np.apply_along_axis(np.convolve, 2, rng.standard_normal(noise.shape), kernel, "same")
+        noise = np.sqrt(0.5) * (noise + alike / np.linalg.norm(kernel))
+    blocks, others = noise[:, :count], noise[:, count:]
+    known = sum(covariance_of_mean(side - np.mean(side, axis=0)) for side in blocks)
+    apart = np.sqrt(1.0 / count) * (others[0] - others[1])  # of the size of a difference of two means
+    chi_square = np.mean(np.sum(apart.T * np.linalg.solve(known, apart.T), axis=0)) / bins
+    # below 1 where few cycles leave the size of their scatter open by so much more
+    assert 0.55 < chi_square < 1.1
+
+
+def test_many_cycles_tell_how_their_scatter_is_alike() -> None:
+    """Of 200 blocks that wander as one, half of the covariance and half of the variances count, as it was."""
+    rng, shape = np.random.default_rng(0), np.sin(angle_grid(300))
+    blocks = rng.standard_normal((200, 1)) * shape + 0.1 * rng.standard_normal((200, 300))
+    apart = blocks - np.mean(blocks, axis=0)
+    covariance = apart.T @ apart / 199 / 200
+    half = 0.5 * (covariance + np.diag(np.diag(covariance)))
+    np.testing.assert_allclose(covariance_of_mean(apart), half * 199 / 197, rtol=0.002)

@@ -7,7 +7,7 @@ edges may have shifted, and by the small share of the laws' error that two runs 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from camtorque.fit.gains import GAIN_ROWS, GAINS
 from camtorque.fit.minima import Candidate
+from camtorque.fit.pair_scatter import mean_scatter
 from camtorque.fit.prepare import INDEPENDENT, cam_swing, over_even_angle
 from camtorque.fit.problem import FitData
 from camtorque.fit.residual import mean_square_about
@@ -24,7 +25,7 @@ from camtorque.fit.solver import lift_at
 from camtorque.fit.turned import angle_between, at_angle, without_noise_apart
 from camtorque.ingest.stated import other_triggers, stated
 from camtorque.laws import ripple
-from camtorque.laws.chain import BINS, COLUMN_NAMES, ChainInput, binned, coefficients_of, derivative_by, evaluate
+from camtorque.laws.chain import BINS, COLUMN_NAMES, ChainInput, binned, coefficients_of, evaluate
 from camtorque.laws.swing import Swing
 from camtorque.process.second_process import in_two
 from camtorque.records import Array, CamCycles, ReadOnly
@@ -48,8 +49,6 @@ OWN_NAMES = (
 """Parameters that each recording has its own: set anew, or known to the error of edges and starts of files."""
 ZERO_DRIFT = 2.0e-3
 """Drift of the torque's zero between its standstill reading and the run, as a share of the peak torque."""
-MOST_BLOCKS = 48
-"""Blocks of consecutive cycles at most whose scatter tells how well a mean residual is known."""
 EDGE_SHARE = 0.5
 """Share of the time error of one trigger edge that does not average out: levels and samples are the same in each."""
 LEAST_EDGE = np.radians(0.002)
@@ -262,38 +261,6 @@ def _mean_torque(side: Prepared) -> Array:
 def _torque(side: Prepared) -> Array:
     assert side.cycles.torque is not None
     return side.cycles.torque
-
-
-def mean_scatter(
-    cycles: CamCycles, item: FitData, values: Mapping[str, float], own: Sequence[str]
-) -> tuple[Array, float]:
-    """Return the covariance of the mean residual, (BINS, BINS) [(N m)^2], and the standard error of its angle [rad].
-
-    Each block of cycles is modelled with its own line pressure, its own zeros and its own end of delivery: what noise,
-    jitter and changing loads do to torque and model together is no scatter of the difference, since each recording has
-    its own ``own`` parameters there too. How far these turn from block to block is how well the mean knows its angle.
-    """
-    assert cycles.torque is not None
-    swing, linear = item.chain.swing, coefficients_of(values)
-    blocks = np.array_split(np.arange(cycles.speed.size), min(MOST_BLOCKS, cycles.speed.size))
-    each = []
-    for block in blocks:
-        pressure = over_even_angle(np.mean(cycles.pressure[block], axis=0), swing)
-        output = evaluate(replace(item.chain, line_pressure=pressure), values, linear)
-        torque = binned(over_even_angle(np.mean(cycles.torque[block], axis=0), swing))
-        each.append(torque - output.torque - output.linear @ linear)
-    apart = np.array(each) - np.mean(each, axis=0)
-    count = apart.shape[0]
-    size = np.sqrt(np.mean(apart**2, axis=0)) + 1e-12
-    columns = derivative_by(evaluate(item.chain, values, linear, tangents=True), own) / size[:, None]
-    length = np.linalg.norm(columns, axis=0) + 1e-300
-    columns /= length
-    share = np.linalg.lstsq(columns, (apart / size).T, rcond=1e-6)[0]
-    apart = apart - (columns @ share).T * size
-    covariance = apart.T @ apart / (count - 1) / count
-    angles = (share / length[:, None])[[name == "trigger_offset" for name in own]]
-    wander = float(np.sqrt(np.sum(angles**2) / (count - 1) / count))
-    return np.asarray(0.5 * (covariance + np.diag(np.diag(covariance)))), wander
 
 
 def shift_covariance(pair: TwoRecordings, values: Mapping[str, float]) -> Array:
