@@ -29,6 +29,9 @@ class HarmonicLaw:
 
     compiled_derivatives = derivatives
 
+    def is_round(self, slope):
+        return np.zeros(slope.shape, dtype=bool)
+
     def evaluate(self, theta, derivative=0):
         total = np.zeros_like(np.asarray(theta, float))
         for k, amplitude in enumerate(self.amplitudes):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import make_dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -201,7 +201,7 @@ def test_a_step_of_the_model_is_not_scaled_up(
     source = FittedAt("a", 50.0, "land", 0.0, True)
     fit = KnownFit(("leakage", "pressure_zero"), np.array([1e-15, 0.0]),
                    ArrowCovariance.whole(np.diag([1e-34, 1.0])), (source,) * 3)  # fmt: skip
-    names = ("torque", "mean", "pressure", "contact", "plunger_force", "angle", "flow", "delivered")
+    names = ("torque", "mean", "pressure", "contact", "held", "plunger_force", "angle", "flow", "delivered")
 
     def parts(chain: object, values: dict[str, float], lift: None) -> dict[str, np.ndarray]:
         return {name: np.full(4, 1.0 + curve(values["leakage"])) * (1.0 if name == "torque" else 0.0) for name in names
@@ -231,7 +231,8 @@ def test_what_the_error_of_the_laws_is_not_added_to_is_as_unsure_as_the_fit_stat
 
     def parts(chain: object, values: dict[str, float], lift: None) -> dict[str, np.ndarray]:
         moved = 1.0 + 1e17 * (values["leakage"] - 1e-15)
-        return {name: np.full(4, moved) for name in names} | {"mean": np.array(moved), "delivered": np.array(moved)}
+        means = {"mean": np.array(moved), "delivered": np.array(moved), "held": np.zeros(4)}
+        return {name: np.full(4, moved) for name in names} | means
 
     monkeypatch.setattr(forecast_module, "settled", lambda chain, values: chain)
     monkeypatch.setattr(forecast_module, "_parts", parts)
@@ -241,6 +242,23 @@ def test_what_the_error_of_the_laws_is_not_added_to_is_as_unsure_as_the_fit_stat
     assert found.mean_std == pytest.approx(0.2, rel=0.25)
     for std in (found.pressure_std, found.contact_std, found.by_cause_std["pressure"], [found.delivered_std]):
         assert std == pytest.approx(np.full(len(std), 1.0), rel=0.25)
+
+
+def test_a_friction_at_rest_widens_the_contact_force_and_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At rest 60 N of packing carry anything within 60 N; the force there had been 60 N off with a band of 8."""
+    source = FittedAt("a", 50.0, "land", 0.0, True)
+    fit = KnownFit(("leakage", "pressure_zero"), np.array([1e-15, 0.0]),
+                   ArrowCovariance.whole(np.diag([1e-36, 1.0])), (source,) * 3)  # fmt: skip
+    names = ("torque", "pressure", "contact", "plunger_force", "angle", "flow")
+    rests = np.array([60.0, 60.0, 0.0, 0.0])
+    monkeypatch.setattr(forecast_module, "settled", lambda chain, values: chain)
+    monkeypatch.setattr(forecast_module, "_parts", lambda chain, values, lift: {
+        **{name: np.full(4, 100.0 + 1e17 * values["leakage"]) for name in names}, "held": rests,
+        "mean": np.array(100.0), "delivered": np.array(1.0)})  # fmt: skip
+    chain = SimpleNamespace(speed=50.0, theta=np.zeros(4), swing=None)
+    found = forecast_module.forecast(fit, chain, source, LoadKnowledge({}), {})  # type: ignore[arg-type]
+    assert found.contact_std == pytest.approx(np.hypot(found.pressure_std, rests / np.sqrt(3.0)))
+    assert found.pressure_std == pytest.approx(found.pressure_std[0])
 
 
 def test_a_run_behind_a_wheel_is_shown_over_cam_angle(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -257,7 +275,7 @@ def test_a_run_behind_a_wheel_is_shown_over_cam_angle(monkeypatch: pytest.Monkey
     def parts(chain: object, values: dict[str, float], lift: None) -> dict[str, np.ndarray]:
         size = 1.0 + 1e16 * values["leakage"]
         return {name: size * (2.0 + np.cos(4.0 * cam)) for name in names} | {
-            "angle": cam + 0.1, "mean": np.array(0.0), "delivered": np.array(0.0)}  # fmt: skip
+            "angle": cam + 0.1, "held": 0.0 * cam, "mean": np.array(0.0), "delivered": np.array(0.0)}  # fmt: skip
 
     monkeypatch.setattr(forecast_module, "settled", lambda chain, values: chain)
     monkeypatch.setattr(forecast_module, "_parts", parts)
@@ -276,17 +294,22 @@ def test_the_lift_correction_moves_the_torque_by_slope_times_contact_force(monke
     knots = 0.1 * np.arange(14)
     lift = SharedLift(knots, 1e-5 * (np.arange(10) == 4), np.full(10, 2e-4))
     theta = np.linspace(0.0, 2.0 * np.pi, 400, endpoint=False)
-    output = SimpleNamespace(torque=np.zeros(400), load=np.full(400, 1e3), motion=SimpleNamespace(theta=theta),
-                             linear=np.zeros((400, 1)), pressure=np.zeros(400), flows=np.zeros((400, 4)))  # fmt: skip
+    given = {
+        "torque": np.zeros(400), "load": np.full(400, 1e3), "motion": SimpleNamespace(theta=theta),
+        "linear": np.zeros((400, 1)), "pressure": np.zeros(400), "flows": np.zeros((400, 4)),
+    }  # fmt: skip
+    output = make_dataclass("Output", given)(**given)
     monkeypatch.setattr(forecast_module, "settled", lambda chain, values: chain)
     monkeypatch.setattr(forecast_module, "evaluate", lambda chain, values: output)
     monkeypatch.setattr(forecast_module, "cam_torques", lambda chain, values, output, linear, slope: ({
         "pressure": np.full(400, 20.0), "lift_table": output.load * slope}, np.zeros(400)))  # fmt: skip
     monkeypatch.setattr(forecast_module, "measured_torques", lambda chain, values, cam, zero: {
         **cam, "torque_zero": np.zeros(400)})  # fmt: skip
-    monkeypatch.setattr(forecast_module, "contact_load", lambda chain, values, output, force: (output.load,) * 2)
+    monkeypatch.setattr(forecast_module, "contact_load", lambda chain, values, output, linear, force: (
+        output.load, output.load, np.zeros(400)))  # fmt: skip
     monkeypatch.setattr(forecast_module, "stroke_volume", lambda *values: 0.0)
-    chain = SimpleNamespace(speed=50.0, theta=theta, swing=None, line_pressure=None, uses_chamber=False)
+    pump = SimpleNamespace(plunger_area=5e-5)
+    chain = SimpleNamespace(speed=50.0, theta=theta, swing=None, line_pressure=None, uses_chamber=False, pump=pump)
 
     def run(lift: SharedLift | None) -> forecast_module.Forecast:
         fit = replace(known([1e-9] * 3), values=np.array([1e-15, 2.0]), lift=lift)

@@ -78,7 +78,7 @@ class Forecast(ReadOnly):
     mean_std : of the mean torque [N m]
     by_cause, by_cause_std : cause -> (n,) [N m]; the law's error is not split over causes
     pressure, pressure_std : (n,) on the plunger [Pa]
-    contact, contact_std : (n,) contact force normal to the cam [N]
+    contact, contact_std : (n,) contact force normal to the cam [N], friction of a follower that stands in its std
     plunger_force : (n,) of packing, drag and the spring's errors, against the lift [N]
     true_angle : (n,) [rad]
     flow : (n,) from the chamber to the line [m^3/s]
@@ -151,6 +151,8 @@ def forecast(
         # the error of the laws is added to the torque alone: all else is as unsure as the fit states
         stated = least_std(_spread(replace(known, residual_covariance=None), chain, source, load, changes)[1])
         std |= {name: np.maximum(std[name], stated[name]) for name in center if name not in OF_TORQUE}
+    # a friction at rest is as likely anywhere between both directions
+    std["contact"] = np.sqrt(std["contact"] ** 2 + (center["held"] ** 2 + std["held"] ** 2) / 3.0)
     share, beyond = law_share(known, chain.speed)
     torque = center["torque"]
     law = law_std(torque, share)
@@ -301,10 +303,10 @@ def _parts(chain: ChainInput, values: Mapping[str, float], lift: SharedLift | No
     torque = np.asarray(np.sum(list(causes.values()), axis=0))
     pressure = stated_pressure(chain, output)
     calmed = replace(output, load=output.load + chain.pump.plunger_area * (pressure - output.pressure))
-    along, normal = contact_load(chain, values, calmed, force)
+    along, normal, held = contact_load(chain, values, calmed, linear, force)
     return {
         **named, "torque": torque, "mean": np.array(np.mean(torque)), "pressure": pressure,
-        "load": along, "contact": normal, "plunger_force": force, "angle": output.motion.theta,
+        "load": along, "contact": normal, "held": held, "plunger_force": force, "angle": output.motion.theta,
         "flow": output.flows[:, SEAT_FLOW], "delivered": np.array(stroke_volume(chain, values, output)),
     }  # fmt: skip
 

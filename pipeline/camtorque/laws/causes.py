@@ -9,7 +9,7 @@ import numpy as np
 from camtorque.laws import GROUPS, LINEAR_NAMES, ON_BRIDGE, ON_CONTACT, cause_of, ripple
 from camtorque.laws.chain import ON_CAM, ChainInput, ChainOutput, drive_response, filtered, transfer
 from camtorque.laws.torque import cam_torque
-from camtorque.mechanism.friction import guide_gain
+from camtorque.mechanism.friction import guide_gain, sliding_sign
 from camtorque.mechanism.kinematics import path_at
 from camtorque.records import Array
 
@@ -32,7 +32,8 @@ def cam_torques(
 ) -> tuple[dict[str, Array], Array]:
     """Return the torque on the cam by cause, before shaft and sensor, and the plunger's force; each (n,) [N m], [N].
 
-    The force is what packing, damping and the spring's errors push against the lift along the plunger.
+    The force is what packing, damping and the spring's errors push against the lift along the plunger; a packing in
+    which the plunger stands pushes either way (`held_by_packing`).
 
     Parameters
     ----------
@@ -55,20 +56,34 @@ def cam_torques(
     parts["inertia"] = parts["inertia"] + slope * axial_inertia
     parts["guide_friction"] = whole - smooth
     parts["lift_table"] = load * lift_slope
-    return parts, force
+    return parts, force - sliding_sign(slope) * held_by_packing(data, output, coefficients)
+
+
+def held_by_packing(data: ChainInput, output: ChainOutput, coefficients: Array) -> Array:
+    """Return what the packing may push either way, (n,) [N]: its friction where the plunger stands, else 0.
+
+    Where a cam is round its table still has slopes, whose signs are those of its error and no direction of sliding.
+    """
+    force, share = (coefficients[LINEAR_NAMES.index(name)] for name in ("packing_force", "packing_friction"))
+    friction = force + share * data.pump.plunger_area * output.pressure
+    return np.where(data.law.is_round(output.motion.lift[1]), friction, 0.0)
 
 
 def contact_load(
-    data: ChainInput, values: Mapping[str, float], output: ChainOutput, force: Array
-) -> tuple[Array, Array]:
-    """Return the contact force along the follower and normal to the cam, (n,) each [N].
+    data: ChainInput, values: Mapping[str, float], output: ChainOutput, coefficients: Array, force: Array
+) -> tuple[Array, Array, Array]:
+    """Return the contact force along the follower and normal to the cam, and what friction may add to that or take.
 
-    ``force`` is the plunger's (n,), which the guide raises too.
+    Each (n,) [N]. ``force`` is the plunger's (n,), which the guide raises too; ``coefficients`` as in `cam_torques`.
+    Where the follower stands the friction of packing and guide is what may be added either way.
     """
-    pump, lift = data.constants, output.motion.lift
+    pump, lift, mu = data.constants, output.motion.lift, values["guide_friction"]
     _, tangent, secant, *_ = path_at(*lift[:3], pump.base, pump.offset, pump.radius)
-    along = np.asarray(output.load + force * guide_gain(tangent, lift[1], values["guide_friction"]))
-    return along, along * secant
+    stands, sliding = data.law.is_round(lift[1]), guide_gain(tangent, lift[1], mu)
+    gain = np.where(stands, 1.0, sliding)
+    along = output.load * (gain / sliding) + force * gain
+    held = held_by_packing(data, output, coefficients) + np.where(stands, mu * np.abs(tangent * along), 0.0)
+    return along, along * secant, held * secant
 
 
 def measured_torques(

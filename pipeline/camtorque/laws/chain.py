@@ -63,7 +63,7 @@ class ChainInput(ReadOnly):
     line_pressure : (n,) mean cycle [Pa]
     shaft_torque : (n,) mean cycle that twists the shaft [N m]
     trigger_angle, low_pass_order : nominal [rad]; of the transducer, of second order below `sensor.STEEP`
-    pump, law : catalogue data; lift law with ``derivatives(theta, highest)``
+    pump, law : catalogue data; lift law with ``derivatives(theta, highest)`` and ``is_round(slope)``
     offset : follower offset as the cam sees it in its direction of running [m]
     uses_chamber : False feeds the line pressure to the plunger, as the source paper does
     substeps : (n,) time steps of the chamber per grid step

@@ -35,7 +35,7 @@ def _interpolant(table: CamTable, degree: int) -> CamLaw:
     splines = PeriodicSplines(theta, degree)
     normal = splines.normal(table.theta, np.ones(table.theta.size))
     coefficients = solve_cyclic(normal, splines.right_side(table.theta, table.lift))
-    return CamLaw(theta, splines.pieces(coefficients), float(table.resolution / np.sqrt(12.0)))
+    return CamLaw(theta, splines.pieces(coefficients), float(table.resolution / np.sqrt(12.0)), TURN / table.theta.size)
 
 
 def cubic_law(table: CamTable) -> CamLaw:
@@ -83,7 +83,7 @@ def spectral_law(table: CamTable) -> CamLaw:
     n = int(PIECES_PER_HARMONIC * np.ceil(corner))
     knots = theta[0] + np.arange(n + 1) * TURN / n
     derivatives = [_harmonic_sum(spectrum, harmonic, order, knots - theta[0], theta.size) for order in range(3)]
-    return CamLaw(knots, _quintic_pieces(TURN / n, *derivatives), table_error(table))
+    return CamLaw(knots, _quintic_pieces(TURN / n, *derivatives), table_error(table), step)
 
 
 def _quintic_pieces(width: float, lift: Array, slope: Array, curve: Array) -> Array:

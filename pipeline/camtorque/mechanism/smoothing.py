@@ -15,7 +15,7 @@ import numpy as np
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.periodic_spline import PeriodicSplines, solve_cyclic
 from camtorque.records import Array, CamTable, Refusal
-from camtorque.units import closed
+from camtorque.units import TURN, closed
 
 DEGREE = 5
 PENALISED = 3
@@ -65,14 +65,14 @@ def smoothing_law(table: CamTable) -> CamLaw:
         return solve_cyclic(normal + np.exp(logarithm) * penalty, right)
 
     if np.all(held):
-        return CamLaw(splines.breaks, splines.pieces(smoothed(0.0)), spread)
+        return CamLaw(splines.breaks, splines.pieces(smoothed(0.0)), spread, TURN / table.theta.size)
     error = spread * np.sqrt(max(1.0 - LOBE_NUMBERS / np.sum(~held), 0.5))
 
     def excess(logarithm: float) -> float:
         residual = (splines.at(table.theta, smoothed(logarithm)) - values)[~held]
         return float(np.sqrt(np.mean(residual**2))) / error - 1.0
 
-    return CamLaw(splines.breaks, splines.pieces(smoothed(_root(excess, -60.0, 30.0))), spread)
+    return CamLaw(splines.breaks, splines.pieces(smoothed(_root(excess, -60.0, 30.0))), spread, TURN / table.theta.size)
 
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:
