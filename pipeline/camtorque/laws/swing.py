@@ -8,9 +8,10 @@ what it did between two teeth drops out.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from camtorque.records import Array, ReadOnly
 from camtorque.units import TURN, angle_grid, on_grid
@@ -35,11 +36,13 @@ class Swing(ReadOnly):
     lead : (n,) cam angle less the even angle at which the cam passes it, as the alignment has it over cam angle [rad]
     waves : (n,) the same of low orders alone, which a gap in the wheel does not bend [rad]
     order : highest order that is told, 0 where teeth are too few for it: the cam is rebuilt as behind one pulse
+    errors : (k, m + 1) harmonics of what the waves may be off by, k errors of one standard deviation each [rad]
     """
 
     lead: Array
     waves: Array
     order: int
+    errors: NDArray[np.complex128] = field(default_factory=lambda: np.zeros((0, 1), dtype=np.complex128))
 
     def even(self, n: int) -> Array:
         """Return the even angle at each of n cam angles of a revolution, as the alignment has them [rad]."""
@@ -57,6 +60,19 @@ class Swing(ReadOnly):
         spectrum = np.where(harmonic <= self.order, np.fft.rfft(_over_even(self.waves, n)), 0.0)
         return np.fft.irfft([spectrum * (1j * harmonic) ** power for power in range(3)], n)
 
+    def told_errors(self, n: int) -> Array:
+        """Return the errors of what is told, and two derivatives, (3, k, n): all of a wave's are as over cam angle."""
+        harmonic = np.arange(min(self.order + 1, self.errors.shape[1]))
+        spectrum = self.errors[:, : harmonic.size] * (0.5 * n)
+        return np.fft.irfft([spectrum * (1j * harmonic) ** power for power in range(3)], n, axis=-1)
+
+    def corrected(self, errors: Array) -> Swing:
+        """Return the swing as it was where its errors were so many standard deviations, (k,)."""
+        if not errors.any():
+            return self
+        off = np.fft.irfft(errors @ self.errors, self.waves.size) * (0.5 * self.waves.size)
+        return replace(self, waves=self.waves + off)
+
     def evened(self, values: Array) -> Array:
         """Return a curve over cam angle (n,) over even angle, (n,)."""
         fine = on_grid(values, FINER * values.size)
@@ -69,12 +85,15 @@ def _over_even(lead: Array, n: int) -> Array:
     return np.asarray(np.interp(angle_grid(n), angle_grid(fine.size) - fine, fine, period=TURN))
 
 
-def swing_of(lead: Array, waves: Array) -> Swing:
+def swing_of(lead: Array, waves: Array, errors: NDArray[np.complex128] | None = None) -> Swing:
     """Return the swing of a turn by how far the cam is ahead over cam angle, and by the waves of that, (n,) [rad].
+
+    ``errors`` are those of `Swing`, none where they are not known.
 
     At the pulse of the nominal angle the lead is zero, but for where its tooth is; the waves are zero in the mean.
     """
     spectrum = np.abs(np.fft.rfft(waves))
     highest = int(np.max(np.flatnonzero(spectrum > ROUNDING * np.max(spectrum)), initial=0))
     order = int(TOLD * highest)
-    return Swing(lead, waves + np.mean(lead - waves), order if order >= LEAST_TOLD else 0)
+    known = np.zeros((0, 1), dtype=np.complex128) if errors is None else errors
+    return Swing(lead, waves + np.mean(lead - waves), order if order >= LEAST_TOLD else 0, known)
