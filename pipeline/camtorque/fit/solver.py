@@ -18,11 +18,10 @@ import numpy as np
 from camtorque.fit.descent import Descent, DescentTrial, Effort, free_at, minimise, minimise_about, promised
 from camtorque.fit.problem import FitData, Indices, Problem
 from camtorque.fit.quadratic import bounded_quadratic, bounded_step, scaled_columns, weighted_columns
-from camtorque.laws.chain import BINS, NONLINEAR_NAMES, ChainInput, ChainOutput, evaluate, filtered, transfer
+from camtorque.laws.chain import BINS, NONLINEAR_NAMES, ChainOutput, evaluate, filtered
 from camtorque.laws.chamber import NO_PATH
-from camtorque.laws.lift import LiftCorrection
+from camtorque.laws.lift import lift_columns
 from camtorque.laws.swing_error import swing_error_columns
-from camtorque.laws.torque import bin_restoring
 from camtorque.records import Array, ReadOnly
 
 N_NONLINEAR = len(NONLINEAR_NAMES)
@@ -90,14 +89,6 @@ class LiftModes:
 def no_lift() -> LiftModes:
     """Return a correction without modes."""
     return LiftModes(np.zeros((BINS, 0)), np.zeros(0), np.zeros((0, 0)))
-
-
-def lift_columns(chain: ChainInput, basis: LiftCorrection, output: ChainOutput, values: dict[str, float]) -> Array:
-    """Return the measured torque of each coefficient of a correction, (BINS, n) [N]."""
-    columns = basis.binned_torque(output.motion.theta, output.load, BINS)
-    shaft, measured, *_ = transfer(chain, values, BINS)
-    behind = shaft * measured * bin_restoring(chain.theta.size // BINS, BINS)
-    return filtered(columns, behind)
 
 
 def lift_modes(

@@ -56,15 +56,22 @@ class Swing(ReadOnly):
         """Return what is told of the cam angle less the even angle, and two derivatives, over even angle, (3, n)."""
         if not self.order:
             return np.zeros((3, n))
-        harmonic = np.arange(n // 2 + 1)
-        spectrum = np.where(harmonic <= self.order, np.fft.rfft(_over_even(self.waves, n)), 0.0)
-        return np.fft.irfft([spectrum * (1j * harmonic) ** power for power in range(3)], n)
+        return self._of_told_orders(_over_even(self.waves, n))
 
     def told_errors(self, n: int) -> Array:
-        """Return the errors of what is told, and two derivatives, (3, k, n): all of a wave's are as over cam angle."""
-        harmonic = np.arange(min(self.order + 1, self.errors.shape[1]))
-        spectrum = self.errors[:, : harmonic.size] * (0.5 * n)
-        return np.fft.irfft([spectrum * (1j * harmonic) ** power for power in range(3)], n, axis=-1)
+        """Return what that may be off by, one standard deviation of each error, (3, k, n)."""
+        size = self.waves.size
+        even = angle_grid(size) - self.waves
+        off = np.fft.irfft(self.errors, size) * (0.5 * size)
+        over = [np.interp(angle_grid(n), even, one, period=TURN) for one in off]
+        return self._of_told_orders(np.array(over).reshape(-1, n))
+
+    def _of_told_orders(self, values: Array) -> Array:
+        """Return the told orders of periodic values (..., n) over even angle, and two derivatives, (3, ..., n)."""
+        n = values.shape[-1]
+        harmonic = np.arange(n // 2 + 1)
+        spectrum = np.where(harmonic <= self.order, np.fft.rfft(values), 0.0)
+        return np.fft.irfft([spectrum * (1j * harmonic) ** power for power in range(3)], n)
 
     def corrected(self, errors: Array) -> Swing:
         """Return the swing as it was where its errors were so many standard deviations, (k,)."""
