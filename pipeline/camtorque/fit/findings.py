@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from camtorque.config import PumpData
+from camtorque.config.pump import HERTZ_POSSIBLE
 from camtorque.fit.descent import free_at, promised
 from camtorque.fit.minima import Candidate
 from camtorque.fit.problem import SEPARATOR, STRUCTURES
@@ -15,7 +16,7 @@ from camtorque.fit.sheet_doubts import A_DELAY, DELAYS, OF_PUMP, SIZES, SheetDou
 from camtorque.fit.single import Fit
 from camtorque.laws.chain import ON_CAM
 from camtorque.mechanism.smoothing import table_error
-from camtorque.records import CamTable, Finding, Mask, ParameterEstimate
+from camtorque.records import Array, CamTable, Finding, Mask, ParameterEstimate
 from camtorque.units import LOGARITHM, short
 
 RARE = 3.0902
@@ -150,6 +151,19 @@ def table_findings(table: CamTable) -> tuple[Finding, ...]:
         "it is smoothed by its scatter"
     )
     return (Finding("lift_scatter", "info", text),)
+
+
+def stress_findings(hertz: Array) -> tuple[Finding, ...]:
+    """Return a warning on a Hertz pressure over cam angle, (n,) [Pa], that no steel bears."""
+    if not np.nanmax(hertz) > HERTZ_POSSIBLE:
+        return ()
+    at = f"{360.0 * int(np.nanargmax(hertz)) / hertz.size:.0f} deg"
+    text = (
+        f"the Hertz pressure reaches {1e-9 * np.nanmax(hertz):.3g} GPa at {at}, no steel bears more than "
+        f"{1e-9 * HERTZ_POSSIBLE:g}: check the lift table there, whose second differences make it, and the radii of "
+        "cam and roller"
+    )
+    return (Finding("contact_stress_impossible", "warning", text, at),)
 
 
 def sheet_findings(doubts: Sequence[SheetDoubt], pump: PumpData) -> tuple[Finding, ...]:
