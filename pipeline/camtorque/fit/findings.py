@@ -153,6 +153,20 @@ def table_findings(table: CamTable) -> tuple[Finding, ...]:
     return (Finding("lift_scatter", "info", text),)
 
 
+def spill_findings(parameters: Sequence[ParameterEstimate], top: float) -> tuple[Finding, ...]:
+    """Return a note on a spill port that the plunger hardly reaches, or does not; ``top`` is the largest lift [m]."""
+    for row in parameters:
+        if row.name != "spill_lift" or row.value + 2.0 * row.stderr < 1e3 * top:
+            continue
+        text = (
+            f"a spill port that opens at {short(row.value)} ± {short(row.stderr, 1)} {row.unit} is hardly reached by a "
+            f"lift of {short(1e3 * top, 4)} mm: it may as well be that nothing ends the delivery, and that something "
+            "else gives way at the top, such as a delivery valve that closes late"
+        )
+        return (Finding("spill_at_the_top", "warning", text, row.name),)
+    return ()
+
+
 def stress_findings(hertz: Array) -> tuple[Finding, ...]:
     """Return a warning on a Hertz pressure over cam angle, (n,) [Pa], that no steel bears."""
     if not np.nanmax(hertz) > HERTZ_POSSIBLE:
