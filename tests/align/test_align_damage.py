@@ -270,6 +270,16 @@ def test_end_of_the_output_range_is_clipping() -> None:
         align(recording)
 
 
+def test_values_beyond_a_nominal_range_that_a_logger_has_scaled_are_not_clipped() -> None:
+    """Round peaks of 622 bar on a sensor of 600 were refused, all 58 cycles."""
+    recording = make(RIG)
+    pressure = next(c for c in recording.channels if c.quantity == "pressure")
+    sheet = replace(calibration("pressure", 4e-6), output_max_volts=2.5, saturates=False)
+    scaled = replace(pressure, calibration=sheet)
+    cycles = align(replace(recording, channels=(recording.channels[0], scaled, recording.channels[2])))
+    assert [row.cycles_single for row in cycles.cut_flow if row.reason == "pressure_clipped"] in ([], [0])
+
+
 @pytest.mark.parametrize(("zero", "ends"), [(0.0, (-5.0, 5.0)), (5.0, (0.0, 10.0))])
 def test_a_torque_clips_below_wherever_its_zero_lies(zero: float, ends: tuple[float, float]) -> None:
     recording = make(replace(RIG, torque_law=lambda theta: 0.5 * torque_of(theta) - 20.0))

@@ -19,6 +19,7 @@ from camtorque.align.pattern import (
 )
 from camtorque.align.places import _beside_gap
 from camtorque.config import TriggerSpec
+from camtorque.records import DEVIATION_ERRORS
 from wheel_truth import Wheel, true_deviation, wheel_recording
 
 CASES = {
@@ -67,6 +68,15 @@ def test_sums_of_squares_are_the_whole_covariance(name: str) -> None:
         assert teeth[1] == pytest.approx(np.diag(spread), rel=1e-5, abs=1e-14)
         assert swing[0] == pytest.approx(coefficient, rel=1e-6, abs=1e-12)
         assert swing[1] == pytest.approx(covariance, rel=1e-5, abs=1e-14)
+
+
+@pytest.mark.parametrize(("teeth", "missing"), [(60, 2), (12, 1)])
+def test_errors_of_the_deviation_are_its_covariance(teeth: int, missing: int) -> None:
+    wheel = Wheel(shaft=Shaft(rpm=600.0, ripple=0.03, order=3), teeth=teeth, missing=missing, duration=3.0)
+    details = align(wheel_recording(wheel)).details
+    errors = np.fft.irfft(details[DEVIATION_ERRORS], 3600) * 1800.0
+    assert errors.shape[0] == 2 * ((teeth - missing - 1) // 2)
+    np.testing.assert_allclose(np.sqrt(np.sum(errors**2, axis=0)), details["angle_deviation_std"], rtol=1e-6)
 
 
 def test_an_encoder_of_3600_lines_tells_the_swing() -> None:

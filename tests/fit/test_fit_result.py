@@ -20,6 +20,8 @@ from camtorque.fit.findings import (
     light_cam_findings,
     mounting_findings,
     prior_findings,
+    spill_findings,
+    stress_findings,
 )
 from camtorque.fit.kinds import structure_spread
 from camtorque.fit.minima import LIGHT, Halves
@@ -656,3 +658,21 @@ def test_a_jump_of_the_model_at_a_bound_is_no_slope_without_end():
     fit = SimpleNamespace(problem=problem, solution=SimpleNamespace(z=np.array([0.0, 1.0])), std=std,
                           deviation=np.diag(std**2), shifts={})  # fmt: skip
     assert carried(fit, jumps) == pytest.approx([np.hypot(2.0, 3.0 * 0.2)])
+
+
+@pytest.mark.parametrize(("largest", "told"), [(2.1e9, False), (5.9e9, False), (26.8e9, True)])
+def test_a_contact_that_no_steel_bears_is_told_with_its_place(largest: float, told: bool):
+    """A lift table whose angles had lost digits was explained, with 26.8 GPa for 1.0."""
+    hertz = 1e9 * np.sin(np.linspace(0.0, np.pi, 3600))
+    hertz[900], hertz[5] = largest, np.nan
+    found = stress_findings(hertz)
+    assert [finding.code for finding in found] == ["contact_stress_impossible"] * told
+    assert not told or "26.8 GPa at 90 deg" in found[0].text
+
+
+@pytest.mark.parametrize(("opens", "std", "told"), [(7.65, 0.05, True), (7.55, 0.05, True), (6.9, 0.1, False)])
+def test_a_spill_port_at_the_top_of_the_lift_is_told(record, opens: float, std: float, told: bool):
+    """Of eight pumps whose delivery nothing ended all had a port that was *measured* at the top of the lift."""
+    port = replace(record.parameters[0], name="spill_lift", value=opens, stderr=std, unit="mm")
+    found = spill_findings([*record.parameters, port], 7.62e-3)
+    assert [finding.code for finding in found] == ["spill_at_the_top"] * told

@@ -5,14 +5,26 @@ from __future__ import annotations
 import math
 from dataclasses import fields
 
+import numpy as np
 import pytest
 from camtorque.config import PumpData
 from camtorque.fit import sheet_doubts as room
 from camtorque.fit.findings import sheet_findings
 from camtorque.fit.minima import Candidate, at_minimum
-from camtorque.fit.sheet_doubts import AS_WELL, DELAYS, OF_PUMP, QUANTITIES, SheetDoubt, odds_against, sheet_doubts
+from camtorque.fit.sheet_doubts import (
+    AS_WELL,
+    DELAYS,
+    OF_PUMP,
+    QUANTITIES,
+    WRONG_BY,
+    WRONG_SHEETS,
+    SheetDoubt,
+    odds_against,
+    sheet_doubts,
+)
 from camtorque.fit.uncertainty import covariance, narrowed
 from fit_cases import quick
+from scipy.stats import cauchy
 
 RUN = ("spill", 0, 1000.0)
 
@@ -78,9 +90,19 @@ def test_a_factor_that_may_as_well_be_one_is_no_doubt(monkeypatch: pytest.Monkey
 
 
 def test_odds_go_with_gain_and_with_how_sharply_a_factor_is_known():
-    assert odds_against(20.0, 0.05) - odds_against(15.0, 0.05) == pytest.approx(5.0)
-    assert odds_against(15.0, 0.1) > odds_against(15.0, 0.01)
-    assert odds_against(0.0, 0.3) < -7.0  # one sheet in fifty is wrong
+    assert odds_against(20.0, 1.1, 0.05) - odds_against(15.0, 1.1, 0.05) == pytest.approx(5.0)
+    assert odds_against(15.0, 1.1, 0.1) > odds_against(15.0, 1.1, 0.01)
+    assert odds_against(0.0, 1.0, 0.3) < -7.0  # one sheet in fifty is wrong
+
+
+def test_odds_are_the_evidence_of_a_cauchy_factor_by_quadrature():
+    """A mass twice as large had odds fourteen times too high: of the prior the density at one was taken everywhere."""
+    grid = np.linspace(-6.0, 6.0, 240_001)
+    for factor, std, gain in ((2.0, 0.08, 12.0), (0.9, 0.02, 9.0)):
+        likelihood = np.exp(-0.5 * ((grid - math.log(factor)) / std) ** 2 + 0.5 * gain)
+        evidence = np.trapezoid(likelihood * cauchy.pdf(grid, scale=WRONG_BY), grid)
+        odds = evidence * WRONG_SHEETS / (1.0 - WRONG_SHEETS)
+        assert odds_against(gain, factor, std) == pytest.approx(2.0 * math.log(odds), abs=0.1)  # Laplace
 
 
 def test_quantities_of_the_pump_are_its_fields():

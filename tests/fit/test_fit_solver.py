@@ -161,9 +161,9 @@ def test_linear_parameters_within_bounds_are_those_of_scipy(seed):
 def test_lift_correction_is_integrated_out(data):
     # the same chi-square as with its coefficients as explicit columns under their own prior
     problem = only_free(data)
-    values, _ = problem.values(problem.start, 0)
+    values, coefficients = problem.values(problem.start, 0)
     output = evaluate(data.chain, values)
-    modes = lift_modes(data, output, values)
+    modes = lift_modes(data, output, (values, coefficients))
     residual = np.random.default_rng(3).standard_normal(BINS)
     basis = data.lift_basis
     columns = binned(output.load)[:, None] * basis.basis(binned(output.motion.theta), 1)
@@ -177,7 +177,7 @@ def test_lift_correction_is_integrated_out(data):
     left, right = columns[:, :3], residual
     full = np.linalg.solve(np.eye(BINS) + columns @ columns.T, right)
     np.testing.assert_allclose(modes.product(left, right), left.T @ full, atol=2e-2 * np.abs(left.T @ right).max())
-    twice = lift_modes(data, output, values, inflate=2.0)
+    twice = lift_modes(data, output, (values, coefficients), inflate=2.0)
     assert twice.product(residual, residual) < modes.product(residual, residual)
 
 

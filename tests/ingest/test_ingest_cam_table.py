@@ -281,3 +281,27 @@ def test_a_stated_resolution_that_cannot_be_read_is_told(tmp_path: Path, comment
     assert found in told
     file.write_text("# measured with high resolution\n" + rows(ANGLES, LIFT))
     assert not [row for row in read_cam_table(pump(file))[1] if row.code == "lift_resolution_unread"]
+
+
+@pytest.mark.parametrize(("digits", "told"), [("%.4g", True), ("%.3f", False), ("%.2f", False)])
+def test_angles_whose_digits_were_cut_off_are_the_even_ones(tmp_path: Path, digits: str, told: bool):
+    """99.75, 100, 100.2, 100.5: a slope that jumped by a fifth from row to row was read as it stood."""
+    angles = np.arange(0.0, 360.0, 0.25)
+    lift = 4.0 - 4.0 * np.cos(np.deg2rad(angles))
+    file = tmp_path / "cam.csv"
+    body = [f"{digits % a},{y:.5f}" for a, y in zip(angles, lift, strict=True)]
+    file.write_text("\n".join(["cam_angle_deg,lift_mm", *body]) + "\n")
+    table, findings = read_cam_table(pump(file))
+    np.testing.assert_allclose(np.rad2deg(table.theta), angles, atol=1e-9)
+    assert ("lift_angles_rounded" in {finding.code for finding in findings}) is told
+
+
+def test_angles_that_were_measured_unevenly_stay_as_they_are(tmp_path: Path):
+    angles = np.arange(0.0, 360.0, 2.0) + np.r_[0.0, 0.02 * np.random.default_rng(1).standard_normal(179)].round(3)
+    file = tmp_path / "cam.csv"
+    file.write_text(
+        "\n".join(["cam_angle_deg,lift_mm", *(f"{a:.3f},{y:.4f}" for a, y in zip(angles, LIFT, strict=True))])
+    )
+    table, findings = read_cam_table(pump(file))
+    np.testing.assert_allclose(np.rad2deg(table.theta), angles, atol=1e-9)
+    assert "lift_angles_rounded" not in {finding.code for finding in findings}

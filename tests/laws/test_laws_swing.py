@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from camtorque.fit.prepare import at_cam_angles
+from camtorque.laws.chain import evaluate
 from camtorque.laws.swing import Swing, swing_of
+from camtorque.laws.swing_error import swing_error_columns
 from camtorque.units import angle_grid
-from laws_cases import chain_input
+from laws_cases import COEFFICIENTS, chain_input, start_values
 
 SIZE, ORDER = 0.02, 4
 EVEN = angle_grid(1800)
@@ -56,3 +58,53 @@ def test_few_teeth_leave_the_cam_to_the_torque():
         found = swing_of(waves + 0.01, waves)
         assert found.order == order
         assert (np.max(np.abs(found.told(1800))) > 0.0) == (order > 0)
+
+
+def with_errors(*orders: int) -> Swing:
+    """Return the swing with two errors of 0.03 degrees for each of some orders, beyond what a wheel tells, too."""
+    errors = np.zeros((2 * len(orders), 31), dtype=np.complex128)
+    for k, order in enumerate(orders):
+        errors[2 * k : 2 * k + 2, order] = np.deg2rad(0.03) * np.array([1.0, 1j])
+    return replace(swing(), errors=errors)
+
+
+def test_what_the_wheel_may_be_off_by_is_told_only_as_far_as_it_tells():
+    found, size = replace(with_errors(3, 20, 21), lead=np.zeros(3600), waves=np.zeros(3600)), np.deg2rad(0.03)
+    lead, rate, second = found.told_errors(1800)
+    for row, order in ((0, 3), (2, 20)):
+        np.testing.assert_allclose(lead[row], size * np.cos(order * EVEN), atol=1e-12)
+        np.testing.assert_allclose(rate[row], -size * order * np.sin(order * EVEN), atol=1e-11)
+        np.testing.assert_allclose(second[row], -size * order**2 * np.cos(order * EVEN), atol=1e-10)
+    assert np.max(np.abs(lead[4:])) < 1e-15
+    asked = np.array([0.0, 0.0, 0.0, 0.0, 1.0, -2.0])
+    np.testing.assert_allclose(found.corrected(asked).told(1800), found.told(1800), atol=1e-9)
+    asked[1] = 2.0
+    moved = found.corrected(asked).told(1800)[0] - found.told(1800)[0]
+    np.testing.assert_allclose(moved, 2.0 * lead[1], atol=2e-5)  # of second order in the errors
+    assert found.corrected(np.zeros(6)) is found
+    over_cam = with_errors(3).told_errors(1800)[0]
+    np.testing.assert_allclose(over_cam[0], size * np.cos(3 * CAM), atol=1e-3 * size)
+
+
+@pytest.mark.parametrize(("inside", "apart"), [(False, 0.03), (True, 0.03)])
+def test_its_torque_is_what_the_chain_does_where_the_cam_is_elsewhere(inside: bool, apart: float):
+    """As exact as the corrected waves over even angle are, whatever the chamber answers."""
+    still = replace(with_errors(2, 9, 18), lead=np.zeros(3600), waves=np.zeros(3600))
+    chain = chain_input(swing=still, uses_chamber=inside)
+    coefficients, values = COEFFICIENTS, start_values()
+
+    def torque(errors: np.ndarray) -> np.ndarray:
+        output = evaluate(replace(chain, swing=still.corrected(errors)), values, coefficients)
+        return output.torque + output.linear @ coefficients
+
+    columns = swing_error_columns(chain, evaluate(chain, values), values, coefficients)
+    assert columns.shape == (600, 6)
+    for k, unit in enumerate(0.1 * np.eye(6)):
+        moved = (torque(unit) - torque(-unit)) / 0.2
+        assert np.linalg.norm(columns[:, k] - moved) < apart * np.linalg.norm(moved)
+    assert np.max(np.abs(columns)) > 5e-3
+
+
+def test_behind_one_pulse_nothing_is_off():
+    chain = chain_input()
+    assert swing_error_columns(chain, evaluate(chain, start_values()), start_values(), np.zeros(17)).shape == (600, 0)

@@ -205,8 +205,10 @@ def _law(channel: Channel) -> tuple[tuple[float, float], tuple[float, float]]:
     calibration = channel.calibration
     if calibration is None:
         return (0.0, channel.scale), (-np.inf, np.inf)
-    low, high = calibration.output_min_volts / channel.scale, calibration.output_max_volts / channel.scale
-    low = low if clips_below(calibration) else -np.inf
+    low, high = -np.inf, np.inf
+    if calibration.saturates:
+        low = calibration.output_min_volts / channel.scale if clips_below(calibration) else low
+        high = calibration.output_max_volts / channel.scale
     return (calibration.zero_volts / channel.scale, channel.sign * channel.scale * calibration.gain), (low, high)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from camtorque.align.summary import alignment_details
 from camtorque.align.timebase import TimeBase, by_few_teeth, settled_phase, silence_findings, time_base
 from camtorque.records import (
     DEVIATION,
+    DEVIATION_ERRORS,
     LEAD,
     PASSED,
     Array,
@@ -247,7 +249,7 @@ def _cam_cycles(
     )  # fmt: skip
 
 
-def _swing(base: TimeBase, angle: CamAngle, theta: Array, cycles: Integers) -> dict[str, Array]:
+def _swing(base: TimeBase, angle: CamAngle, theta: Array, cycles: Integers) -> dict[str, Any]:
     """Return how far the cam is ahead of even running over the grid, or at teeth, where several pulses show it [rad].
 
     The lead is that of the interpolated angle itself, in the mean of some cycles, since the pulse at the nominal angle;
@@ -261,7 +263,10 @@ def _swing(base: TimeBase, angle: CamAngle, theta: Array, cycles: Integers) -> d
     turns = angle.time_at(np.add.outer(some * TURN, borders).ravel()).reshape(some.size, -1)
     begin, end, pulse = turns[:, :1], turns[:, -2:-1], turns[:, -1:]
     even = np.mean((turns[:, :-2] - pulse) / (end - begin), axis=0) * TURN + angle.nominal % TURN
-    return {DEVIATION: deviation, f"{DEVIATION}_std": std, LEAD: np.remainder(theta - even + np.pi, TURN) - np.pi}
+    return {
+        DEVIATION: deviation, f"{DEVIATION}_std": std, LEAD: np.remainder(theta - even + np.pi, TURN) - np.pi,
+        DEVIATION_ERRORS: angle.places.errors(angle.zero_step_angle),
+    }  # fmt: skip
 
 
 def _compacted(rows: Array, chosen: Integers) -> Array:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from camtorque.align.pattern import best_sizes, mixture, pattern_of, waves_of
 from camtorque.align.pulses import PulseTrain
@@ -76,6 +77,19 @@ class Places:
         waves = waves_of(since_zero, self.orders)[:, told]
         std = np.sqrt(np.maximum(np.sum((waves @ self.covariance[np.ix_(told, told)]) * waves, axis=1), 0.0))
         return waves @ self.coefficient[told], std
+
+    def errors(self, zero: float) -> NDArray[np.complex128]:
+        """Return what the deviation may be off by: harmonics (k, m + 1) of k errors of one standard deviation each.
+
+        ``zero`` is the cam angle of step zero; ``irfft(errors, n) * n / 2`` is over n cam angles [rad].
+        """
+        told = self.orders <= max(1, (self.place.size - 1) // 2)
+        both = np.tile(told, 2)
+        size, axes = np.linalg.eigh(self.covariance[np.ix_(both, both)])
+        cosine, sine = np.split(axes * np.sqrt(np.maximum(size, 0.0)), 2)
+        spectrum = np.zeros((size.size, int(self.orders[told][-1]) + 1), dtype=np.complex128)
+        spectrum[:, self.orders[told]] = (cosine - 1j * sine).T * np.exp(-1j * self.orders[told] * zero)
+        return spectrum
 
 
 def tooth_places(train: PulseTrain, spec: TriggerSpec, n: int) -> Places | None:

@@ -67,7 +67,7 @@ def modelled(
 
     Parameters
     ----------
-    lifts : coefficients of the lift correction [m]
+    lifts : coefficients of the lift correction [m], and of the errors of a wheel's swing behind them
     measured : mean torque on the grid of the fit [N m]
     means : mean cycles (n_theta,) of torque and pressure [N m, Pa]
     """
@@ -75,7 +75,9 @@ def modelled(
     values, coefficients = problem.values(z, index)
     torque, pressure = (over_even_angle(part, item.chain.swing) for part in means)
     lost = item.chain.shaft_torque - measured
-    chain = replace(item.chain, line_pressure=pressure, shaft_torque=torque + lost)
+    lifts, errors = np.split(lifts, [item.lift_basis.n_basis])
+    swing = None if item.chain.swing is None else item.chain.swing.corrected(errors)
+    chain = replace(item.chain, line_pressure=pressure, shaft_torque=torque + lost, swing=swing)
     output = evaluate(chain, values, coefficients, tangents=True)
     slope = item.lift_basis.correction(output.motion.theta, lifts, 1)
     cam, force = cam_torques(chain, values, output, coefficients, slope)

@@ -124,6 +124,7 @@ class Weighed:
     posterior, prior : what is known of them with and without the data
     moves : loss -> mean over its recordings of what `moves_of` returns at the minimum
     small : rms torque below which a loss is small [N m]
+    order : highest order of the cam's swing that a wheel tells, 0 without one: the driveline acts above it
     """
 
     rows: tuple[ParameterRow, ...]
@@ -132,6 +133,7 @@ class Weighed:
     prior: Gaussian
     moves: Mapping[str, Array]
     small: float
+    order: int = 0
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -177,7 +179,9 @@ def loss_evidence(problem: Problem, solution: Solution, cov: Covariance, odd_eve
     posterior = posterior_at(problem, solution, cov.matrix, cov.inflation)
     prior = prior_of(problem, cov.prior_std)
     moves = moves_of(solution.output, problem.names, tuple(MEMBERS))
-    fit = Weighed(tuple(one.row for one in problem.parameters), solution.z, posterior, prior, moves, small)
+    swing = problem.data[0].chain.swing
+    rows, order = tuple(one.row for one in problem.parameters), swing.order if swing else 0
+    fit = Weighed(rows, solution.z, posterior, prior, moves, small, order)
     full = laplace(problem, solution, cov.inflation)
 
     def refitted(left_out: Sequence[tuple[str, ...]]) -> list[float]:
@@ -218,7 +222,7 @@ def _judged(fit: Weighed, name: str, quick: float, refit: float) -> LossEvidence
         verdict = "needed"
     elif LEAST_FACTOR < highest < NOT_NEEDED and interval[1] < limit:
         verdict = "not needed"
-    text = _sentence(name, verdict, factor, size, interval, unit)
+    text = _sentence(_in_words(name, fit.order), verdict, factor, size, interval, unit)
     return LossEvidence(name, factor, verdict, not np.isnan(refit), size, interval, unit, text)
 
 
@@ -292,8 +296,15 @@ def strength(factor: float) -> str:
     return f"2 ln K > {LARGE:.0f}" if factor > LARGE else f"2 ln K = {factor:.0f}"
 
 
-def _sentence(name: str, verdict: str, factor: float, size: float, interval: tuple[float, float], unit: str) -> str:
-    what = {"driveline": "twist of shaft, coupling and drive"}.get(name, name.replace("_", " "))
+def _in_words(name: str, order: int) -> str:
+    """Return a loss in words; what a wheel tells of the swing needs no law, whatever it is made by."""
+    if name != "driveline":
+        return name.replace("_", " ")
+    above = f" beyond the {order} orders a turn that the wheel shows" if order else ""
+    return f"twist of shaft, coupling and drive{above}"
+
+
+def _sentence(what: str, verdict: str, factor: float, size: float, interval: tuple[float, float], unit: str) -> str:
     most = f"at most {interval[1]:.2g} {unit} rms"
     if verdict == "needed":
         return f"the data need {what} ({size:.2g} {unit} rms; {strength(factor)})"

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from camtorque.config import PumpData
+from camtorque.config.pump import HERTZ_POSSIBLE
 from camtorque.fit.descent import free_at, promised
 from camtorque.fit.minima import Candidate
 from camtorque.fit.problem import SEPARATOR, STRUCTURES
@@ -15,7 +16,7 @@ from camtorque.fit.sheet_doubts import A_DELAY, DELAYS, OF_PUMP, SIZES, SheetDou
 from camtorque.fit.single import Fit
 from camtorque.laws.chain import ON_CAM
 from camtorque.mechanism.smoothing import table_error
-from camtorque.records import CamTable, Finding, Mask, ParameterEstimate
+from camtorque.records import Array, CamTable, Finding, Mask, ParameterEstimate
 from camtorque.units import LOGARITHM, short
 
 RARE = 3.0902
@@ -150,6 +151,33 @@ def table_findings(table: CamTable) -> tuple[Finding, ...]:
         "it is smoothed by its scatter"
     )
     return (Finding("lift_scatter", "info", text),)
+
+
+def spill_findings(parameters: Sequence[ParameterEstimate], top: float) -> tuple[Finding, ...]:
+    """Return a note on a spill port that the plunger hardly reaches, or does not; ``top`` is the largest lift [m]."""
+    for row in parameters:
+        if row.name != "spill_lift" or row.value + 2.0 * row.stderr < 1e3 * top:
+            continue
+        text = (
+            f"a spill port that opens at {short(row.value)} ± {short(row.stderr, 1)} {row.unit} is hardly reached by a "
+            f"lift of {short(1e3 * top, 4)} mm: it may as well be that nothing ends the delivery, and that something "
+            "else gives way at the top, such as a delivery valve that closes late"
+        )
+        return (Finding("spill_at_the_top", "warning", text, row.name),)
+    return ()
+
+
+def stress_findings(hertz: Array) -> tuple[Finding, ...]:
+    """Return a warning on a Hertz pressure over cam angle, (n,) [Pa], that no steel bears."""
+    if not np.nanmax(hertz) > HERTZ_POSSIBLE:
+        return ()
+    at = f"{360.0 * int(np.nanargmax(hertz)) / hertz.size:.0f} deg"
+    text = (
+        f"the Hertz pressure reaches {1e-9 * np.nanmax(hertz):.3g} GPa at {at}, no steel bears more than "
+        f"{1e-9 * HERTZ_POSSIBLE:g}: check the lift table there, whose second differences make it, and the radii of "
+        "cam and roller"
+    )
+    return (Finding("contact_stress_impossible", "warning", text, at),)
 
 
 def sheet_findings(doubts: Sequence[SheetDoubt], pump: PumpData) -> tuple[Finding, ...]:

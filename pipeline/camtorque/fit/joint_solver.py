@@ -106,8 +106,8 @@ def joint_setup(problem: Problem, z: Array, smoothing: float, each: Each = in_tu
     inflate, shelf = float(np.sqrt(len(problem.data))), Shelf()
 
     def modes(index: int) -> KeptModes:
-        item, (values, _) = problem.data[index], problem.values(z, index)
-        found = lift_modes(item, evaluate(item.chain, values), values, inflate)
+        item, at = problem.data[index], problem.values(z, index)
+        found = lift_modes(item, evaluate(item.chain, at[0]), at, inflate)
         return KeptModes(shelf.put(found.vectors), found.strength, shelf.put(found.to_lift))
 
     lifts = tuple(each(modes, range(len(problem.data))))

@@ -21,7 +21,6 @@ from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.prepare import bin_weights
 from camtorque.fit.problem import SEPARATOR
 from camtorque.fit.single import PIN, SOFTER, SWITCHING
-from camtorque.fit.solver import lift_columns
 from camtorque.fit.teeth import PLACE_STD
 from camtorque.fit.truncated import Gaussian
 from camtorque.fit.uncertainty import deviation_within, inverse
@@ -29,7 +28,7 @@ from camtorque.fit.valleys import TRIGGER_ANGLE
 from camtorque.laws import ROWS
 from camtorque.laws.chain import BINS, SHIFT_NAMES, ChainInput, ChainOutput, coefficients_of, derivative_by, evaluate
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
-from camtorque.laws.lift import LiftCorrection
+from camtorque.laws.lift import LiftCorrection, lift_columns
 from camtorque.records import Array, ReadOnly, Refusal
 from camtorque.units import RPM
 

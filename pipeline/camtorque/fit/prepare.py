@@ -23,7 +23,18 @@ from camtorque.laws.ripple import waves
 from camtorque.laws.swing import Swing, swing_of
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.load_check import on_base
-from camtorque.records import DEVIATION, LEAD, PASSED, Array, CamCycles, CamTable, ReadOnly, Recording, Refusal
+from camtorque.records import (
+    DEVIATION,
+    DEVIATION_ERRORS,
+    LEAD,
+    PASSED,
+    Array,
+    CamCycles,
+    CamTable,
+    ReadOnly,
+    Recording,
+    Refusal,
+)
 from camtorque.stacks import mean_of
 from camtorque.units import DEGREE, TURN, angle_grid, counted, on_grid
 
@@ -122,7 +133,8 @@ def cam_swing(config: RecordingConfig, details: Mapping[str, Any]) -> Swing | No
     if waves is None:
         return None
     waves = np.asarray(waves, dtype=np.float64)
-    swing = swing_of(np.asarray(details.get(LEAD, waves), dtype=np.float64), waves)
+    lead = np.asarray(details.get(LEAD, waves), dtype=np.float64)
+    swing = swing_of(lead, waves, details.get(DEVIATION_ERRORS))
     return replace(swing, order=0) if config.trigger.side == "motor" else swing
 
 

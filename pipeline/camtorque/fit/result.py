@@ -24,6 +24,8 @@ from camtorque.fit.findings import (
     mounting_findings,
     prior_findings,
     sheet_findings,
+    spill_findings,
+    stress_findings,
     table_findings,
 )
 from camtorque.fit.planning import Measuring
@@ -127,6 +129,7 @@ def fitted_torque(
             *prior_findings(parameters), *mounting_findings(parameters), *implausible_findings(parameters, explained),
             *light_cam_findings(parameters, config.pump.cam_inertia), *frictionless_findings(parameters),
             *table_findings(recording.cam_table), *sheet_findings(fit.doubts, config.pump),
+            *spill_findings(parameters, fitted.chain.top_lift), *stress_findings(forces.hertz),
             *fit_findings(fit, fitted.output.least_guide, lost, None if explained else left),
         ),
         details={**_details(fit, recording, peak), "delivered_volume": delivered}, evidence=fit.evidence,

@@ -69,9 +69,10 @@ def lift_information(problem: Problem, z: Array, index: int, inflation: float) -
     item = replace(problem.data[index], lift_basis=basis)
     values, coefficients = problem.values(z, index)
     output = evaluate(item.chain, values, coefficients)
-    modes = lift_modes(item, output, values)
+    modes = lift_modes(item, output, (values, coefficients))
     residual = item.residual(output, coefficients)
-    felt_by = modes.to_lift / basis.prior_std * modes.strength  # columns of the residual are vectors @ felt_by.T
+    # columns of the residual are vectors @ felt_by.T
+    felt_by = modes.to_lift[: basis.n_basis] / basis.prior_std * modes.strength
     return LiftInformation(felt_by @ felt_by.T / inflation, felt_by @ (modes.vectors.T @ residual) / inflation)
 
 

@@ -26,7 +26,7 @@ from camtorque.records import Array
 WRONG_SHEETS = 0.02
 """Share of the benches on which a given quantity is stated wrongly, as far as somebody knows."""
 WRONG_BY = 0.3
-"""Standard deviation of the logarithm of a factor by which it is then wrong."""
+"""Half of them are then wrong by less than this, as the logarithm of a factor; units and slips are off by any."""
 WORTH_FOLLOWING, BESIDE = 5.0, 2.0
 """Gain of chi-square that a derivative has to promise (of 43 sound recordings of three makers two do, whose pressure
 sensors are far along the line), and that of other quantities that are then followed beside it."""
@@ -160,9 +160,16 @@ def _settled(best: Candidate) -> Candidate:
     return further if further and further.solution.chi_square < best.solution.chi_square else best
 
 
-def odds_against(gain: float, std: float) -> float:
-    """Return twice the logarithm of the odds against a sheet: a gain of chi-square, a factor's standard error."""
-    return gain + 2.0 * math.log(std / WRONG_BY * WRONG_SHEETS / (1.0 - WRONG_SHEETS))
+def odds_against(gain: float, factor: float, std: float) -> float:
+    """Return twice the logarithm of the odds against a sheet.
+
+    Parameters
+    ----------
+    gain : of chi-square
+    factor, std : that it takes, and the standard error of its logarithm; beforehand that one is Cauchy's
+    """
+    density = WRONG_BY / (math.pi * (WRONG_BY**2 + math.log(factor) ** 2))
+    return gain + 2.0 * math.log(math.sqrt(2.0 * math.pi) * std * density * WRONG_SHEETS / (1.0 - WRONG_SHEETS))
 
 
 def _tangents(item: Candidate) -> Array:
@@ -214,7 +221,7 @@ def _followed(best: Candidate, scaled: Scaled, inflation: float, name: str, star
             break
         item, factor = moved[0], factor * moved[1]
     gain = (best.solution.chi_square - item.solution.chi_square) / inflation
-    return SheetDoubt(name, factor, factor * std, odds_against(gain, std)) if gain > 0.0 else None
+    return SheetDoubt(name, factor, factor * std, odds_against(gain, factor, std)) if gain > 0.0 else None
 
 
 def _stepped(item: Candidate, scaled: Scaled, step: float) -> tuple[Candidate, float] | None:

@@ -18,10 +18,10 @@ import numpy as np
 from camtorque.fit.descent import Descent, DescentTrial, Effort, free_at, minimise, minimise_about, promised
 from camtorque.fit.problem import FitData, Indices, Problem
 from camtorque.fit.quadratic import bounded_quadratic, bounded_step, scaled_columns, weighted_columns
-from camtorque.laws.chain import BINS, NONLINEAR_NAMES, ChainInput, ChainOutput, evaluate, filtered, transfer
+from camtorque.laws.chain import BINS, NONLINEAR_NAMES, ChainOutput, evaluate, filtered
 from camtorque.laws.chamber import NO_PATH
-from camtorque.laws.lift import LiftCorrection
-from camtorque.laws.torque import bin_restoring
+from camtorque.laws.lift import lift_columns
+from camtorque.laws.swing_error import swing_error_columns
 from camtorque.records import Array, ReadOnly
 
 N_NONLINEAR = len(NONLINEAR_NAMES)
@@ -40,8 +40,8 @@ UNFELT = 0.2
 class LiftModes:
     """The lift correction in the weighted residual of one recording: vectors (BINS, k), shrinkage (k,).
 
-    ``vectors diag(strength) `` times standard normal numbers is what it adds; ``to_lift`` (n_basis, k) gives the
-    coefficients [m] of the modes.
+    ``vectors diag(strength) `` times standard normal numbers is what it adds; ``to_lift`` (n_basis + e, k) gives
+    the coefficients [m] of the modes, and those of the e errors of a wheel's swing.
     """
 
     vectors: Array
@@ -74,7 +74,7 @@ class LiftModes:
         return np.asarray(self.strength / (1.0 + self.strength**2) * (self.vectors.T @ residual))
 
     def coefficients(self, residual: Array) -> Array:
-        """Return the coefficients of the correction that a weighted residual asks for [m]."""
+        """Return the coefficients of the correction that a weighted residual asks for [m], and errors of the swing."""
         return self.to_lift @ self.asked(residual)
 
     def beside(self, residual: Array) -> Array:
@@ -91,31 +91,25 @@ def no_lift() -> LiftModes:
     return LiftModes(np.zeros((BINS, 0)), np.zeros(0), np.zeros((0, 0)))
 
 
-def lift_columns(chain: ChainInput, basis: LiftCorrection, output: ChainOutput, values: dict[str, float]) -> Array:
-    """Return the measured torque of each coefficient of a correction, (BINS, n) [N]."""
-    columns = basis.binned_torque(output.motion.theta, output.load, BINS)
-    shaft, measured, *_ = transfer(chain, values, BINS)
-    behind = shaft * measured * bin_restoring(chain.theta.size // BINS, BINS)
-    return filtered(columns, behind)
-
-
 def lift_modes(
-    item: FitData, output: ChainOutput, values: dict[str, float], inflate: float = 1.0, cut: float = LIFT_CUT
+    item: FitData, output: ChainOutput, at: tuple[dict[str, float], Array], inflate: float = 1.0, cut: float = LIFT_CUT
 ) -> LiftModes:
-    """Return the lift correction of a recording for its present contact force.
+    """Return the lift correction of a recording for its present contact force, at what `Problem.values` gives.
 
     ``inflate`` multiplies the prior standard deviation (a joint fit does not average the common error away); modes
-    weaker than ``cut`` are left out.
+    weaker than ``cut`` are left out. What a wheel's swing may be off by stands beside the lift.
     """
-    basis = item.lift_basis
-    columns = lift_columns(item.chain, basis, output, values) * (item.weight * basis.prior_std * inflate)[:, None]
+    prior = item.lift_basis.prior_std * inflate
+    both = lift_columns(item.chain, item.lift_basis, output, at[0]), swing_error_columns(item.chain, output, *at)
+    unit = np.repeat([prior, inflate], [part.shape[1] for part in both])
+    columns = np.hstack(both) * np.outer(item.weight, unit)
     felt = np.sum(columns**2, axis=0) > (UNFELT * cut) ** 2
     columns = columns[:, felt]
     squares, right = np.linalg.eigh(columns.T @ columns)
     kept = squares > cut**2
     strength, right = np.sqrt(squares[kept]), right[:, kept]
     to_lift = np.zeros((felt.size, strength.size))
-    to_lift[felt] = right * basis.prior_std * inflate
+    to_lift[felt] = right * unit[felt, None]
     return LiftModes(columns @ right / strength, strength, to_lift)
 
 
@@ -338,7 +332,7 @@ def _descent(problem: Problem, lift: LiftModes, smoothing: float, about: Array) 
 def lift_at(problem: Problem, z: Array, cut: float = LIFT_CUT, known: ChainOutput | None = None) -> LiftModes:
     """Return the lift correction of a recording for the contact force at z; ``known`` as in `try_at`."""
     output = output_at(problem, z) if known is None else known
-    return lift_modes(problem.data[0], output, problem.values(z, 0)[0], cut=cut)
+    return lift_modes(problem.data[0], output, problem.values(z, 0), cut=cut)
 
 
 def _step(problem: Problem, point: NormalEquations, z: Array, damping: float) -> tuple[Array, float]:

@@ -71,19 +71,15 @@ def read_cam_table(pump: PumpData) -> tuple[CamTable, tuple[Finding, ...]]:
     resolution = _resolution(table, lift_name, scale, lift)
     where = table.path.name
     theta, lift, findings = _in_order(theta, lift, where)
+    theta, rounded = _evened(theta, _factor(table, angle_name, "angle"), where)
+    findings += rounded
     if theta.size > 1 and abs(theta[-1] - theta[0] - 2.0 * np.pi) < SAME_ANGLE * abs(theta[1] - theta[0]):
         if abs(lift[-1] - lift[0]) > 2.0 * resolution:
             raise _open_table(table, lift[-1] - lift[0])
         theta, lift = theta[:-1], lift[:-1]
     _check_angles(table, theta)
     _check_closes(table, theta, lift, resolution)
-    if -np.min(lift) > np.max(lift):
-        raise Refusal(f"{table.path}: the lift goes from {1e3 * np.min(lift):.4g} to {1e3 * np.max(lift):.4g} mm, "
-                      "expected it above the base circle; turn its sign")  # fmt: skip
-    if np.min(lift) < -2.0 * resolution:
-        text = f"lift goes down to {1e6 * np.min(lift):.3g} um, below the base circle by more than the resolution"
-        severity = "info" if np.min(lift) > -SMALL_DIP * np.ptp(lift) else "warning"
-        findings.append(Finding("lift_negative", severity, text, where))
+    findings += _below_zero(table, lift, resolution)
     if np.ptp(lift) <= 2.0 * resolution:
         raise Refusal(f"{table.path}: the lift varies by {1e6 * np.ptp(lift):.3g} um only; is the column right?")
     findings += _above_zero(table, lift, resolution, pump.base_circle_radius)
@@ -123,6 +119,25 @@ def _in_order(theta: Array, lift: Array, where: str) -> tuple[Array, Array, list
     return theta, lift, []
 
 
+def _evened(theta: Array, unit: float, where: str) -> tuple[Array, list[Finding]]:
+    """Return even angles for those of a turn that are even ones with digits cut off (99.75, 100, 100.2, 100.5).
+
+    Each has to be the even one to its own last digit, and some not to the last digit of others. The slope of such a
+    table is wrong by a fifth from row to row.
+    """
+    even = np.arange(theta.size) * (2.0 * np.pi / theta.size)
+    even += theta[0] - even[0]
+    digits = np.array([len(f"{value / unit:.10g}".partition(".")[2]) for value in theta])
+    off, last = np.abs(theta - even) / unit, 10.0**-digits
+    if np.any(off > 0.5001 * last) or np.max(off) <= SAME_ANGLE * (even[1] / unit - even[0] / unit):
+        return theta, []
+    text = (
+        f"the angles are even steps of {np.rad2deg(2.0 * np.pi / theta.size):.6g} deg with digits cut off, by up to "
+        f"{np.rad2deg(np.max(off) * unit):.2g} deg; the even ones are used: export the table with all digits"
+    )
+    return np.asarray(even, dtype=np.float64), [Finding("lift_angles_rounded", "warning", text, where)]
+
+
 def _open_table(table: SmallTable, error: float) -> Refusal:
     return Refusal(
         f"{table.path}: lift at the end of the revolution differs from its beginning by {1e6 * error:.3g} um; the "
@@ -141,6 +156,23 @@ def _check_closes(table: SmallTable, theta: Array, lift: Array, resolution: floa
     error = apart * (2.0 * np.pi + theta[0] - theta[-1])
     if apart > OPEN * np.max(np.abs(np.diff(slopes[:-1]))) and error > 2.0 * resolution:
         raise _open_table(table, -math.copysign(error, before))
+
+
+def _below_zero(table: SmallTable, lift: Array, resolution: float) -> list[Finding]:
+    """Tell a lift below the base circle.
+
+    Raises
+    ------
+    Refusal : its sign is turned
+    """
+    if -np.min(lift) > np.max(lift):
+        raise Refusal(f"{table.path}: the lift goes from {1e3 * np.min(lift):.4g} to {1e3 * np.max(lift):.4g} mm, "
+                      "expected it above the base circle; turn its sign")  # fmt: skip
+    if np.min(lift) >= -2.0 * resolution:
+        return []
+    text = f"lift goes down to {1e6 * np.min(lift):.3g} um, below the base circle by more than the resolution"
+    severity = "info" if np.min(lift) > -SMALL_DIP * np.ptp(lift) else "warning"
+    return [Finding("lift_negative", severity, text, table.path.name)]
 
 
 def _above_zero(table: SmallTable, lift: Array, resolution: float, radius: float) -> list[Finding]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from camtorque.config import RecordingConfig
 from camtorque.config.quantities import LIQUID_C
-from camtorque.records import Array, Channel, Finding, Recording, Refusal
+from camtorque.records import Array, Channel, Finding, Recording, Refusal, SensorCalibration
 from camtorque.signal.damage import SPIKE_TIMES_BESIDE, Scan, scan_channel
 from camtorque.signal.edges import without_bounces
 from camtorque.signal.inductive import find_pulses
@@ -30,6 +30,8 @@ SPEED_TOLERANCE = 0.1
 PERIOD_TOLERANCE = 0.3
 """A pulse period that differs by this share from the usual one is a missed or an extra pulse."""
 MUCH_CLIPPED = 1.0e-4
+BEYOND_RANGE, FAR_BEYOND_RANGE = 0.01, 0.1
+"""Share of a sensor's range by which values go beyond it that is told, and that no sensor gives."""
 SHAPED, COARSE_DEG = ("torque", "pressure"), 4.0
 """Channels whose shape within the revolution counts, and the degrees of cam angle between samples that lose it: 3 leave
 the chamber peak of `A_1000rpm` at 1395 bar, 5 move it to 1471."""
@@ -180,16 +182,27 @@ def _sample_findings(channel: Channel, scan: Scan, unit: str) -> list[Finding]:
     calibration = channel.calibration
     if calibration is None:
         return found
-    margin = 0.1 * (calibration.output_max_volts - calibration.output_min_volts)
-    if scan.high > calibration.output_max_volts + margin or scan.low < calibration.output_min_volts - margin:
-        low, high, least, most = (
-            volts / channel.scale
-            for volts in (scan.low, scan.high, calibration.output_min_volts, calibration.output_max_volts)
-        )
-        seen = f"{low:.4g} to {high:.4g} {unit}".strip()
+    return [*found, *_beyond_range(channel, calibration, scan, unit)]
+
+
+def _beyond_range(channel: Channel, calibration: SensorCalibration, scan: Scan, unit: str) -> list[Finding]:
+    """Return a finding on values beyond the range of the sensor: far, or so far that its sheet tells nothing."""
+    span = calibration.output_max_volts - calibration.output_min_volts
+    beyond = max(scan.high - calibration.output_max_volts, calibration.output_min_volts - scan.low)
+    if not beyond > BEYOND_RANGE * span:
+        return []
+    low, high, least, most = (
+        volts / channel.scale
+        for volts in (scan.low, scan.high, calibration.output_min_volts, calibration.output_max_volts)
+    )
+    seen, where = f"{low:.4g} to {high:.4g} {unit}".strip(), f"{channel.path.name} {channel.name}"
+    if beyond > FAR_BEYOND_RANGE * span:
         text = f"{seen}, the sensor gives {least:g} to {most:g}; wrong unit, or samples damaged"
-        found.append(Finding("out_of_range", "error", text, where))
-    return found
+        return [Finding("out_of_range", "error", text, where)]
+    if calibration.saturates:  # what stands at the end of an amplifier is told by its cycles
+        return []
+    text = f"{seen}, the nominal range is {least:g} to {most:g}: beyond it nothing states how good the sensor is"
+    return [Finding("beyond_nominal_range", "warning", text, where)]
 
 
 def _isolated(channel: Channel, scan: Scan, trains: Mapping[str, Array], config: RecordingConfig) -> list[Finding]:

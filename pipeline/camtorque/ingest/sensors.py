@@ -120,7 +120,7 @@ def _scaled(sheet: Sheet, quantity: str, readings: Readings, span: float) -> tup
     if sheet["nominal_range"] is not None:
         per_unit = unit_factor(sheet["unit"] or unit, dimension, f"{sheet.where} unit")
         low, high = (value * per_unit for value in range_of(sheet, "nominal_range"))
-        calibration = replace(calibration, output_min_volts=low, output_max_volts=high)
+        calibration = replace(calibration, output_min_volts=low, output_max_volts=high, saturates=False)
     accuracy, assumed = _accuracy(sheet)
     largest = max(abs(low), abs(high))
     width = accuracy * largest

@@ -42,8 +42,6 @@ COLUMN_NAMES = (*LINEAR_NAMES, "torque_zero", *ripple.NAMES)
 """Parameters that it is linear in, in the order of the columns."""
 ON_CAM = len(LINEAR_NAMES)
 """Of these the first act on cam or bridge, the others in the measured signal alone."""
-TANGENT_UNITS = np.r_[chamber.UNITS, np.ones(len(SHIFT_NAMES))] * 1e5
-"""Pressure tangents in SI per those of the compiled chamber."""
 SHAFT_PLACES = [NONLINEAR_NAMES.index(name) for name in driveline.COMPLIANCE_NAMES]
 SENSOR_PLACES = [NONLINEAR_NAMES.index(name) for name in SENSOR_NAMES]
 BRIDGE = np.array([False, *ON_BRIDGE])
@@ -218,11 +216,12 @@ def chamber_of(
 ) -> tuple[Array, Array | None, Array, Array, Array]:
     """Return pressure on the plunger [Pa], its tangents, states, flows and path; the line pressure without a chamber.
 
+    The tangents are by `chamber.NAMES` and by what the motion's ``shifts`` are by, (n, N + k) [Pa per SI].
     ``known`` is the path of a pass with the same values.
     """
     n = data.theta.size
     if not data.uses_chamber:
-        by = np.zeros((n, chamber.N + len(SHIFT_NAMES))) if tangents else None
+        by = np.zeros((n, chamber.N + motion.shifts[0].shape[1])) if tangents else None
         if by is not None:
             by[:, chamber.NAMES.index("pressure_zero")] = -1.0
         return data.line_pressure - values["pressure_zero"], by, np.zeros((n, 3)), np.zeros((n, 4)), NO_PATH
@@ -234,7 +233,8 @@ def chamber_of(
     geometry = np.array([area, top, step, end_lift, end_slope, data.top_angle, period])
     grid = (motion.theta, motion.lift[0] * 1e3, motion.lift[1] * 1e3, data.line_pressure * 1e-5, data.substeps)
     pressure, by, states, flows, path = chamber.revolution(vector, geometry, grid, motion.shifts[0], known, tangents)
-    by *= TANGENT_UNITS[: by.shape[1]]
+    by *= 1e5
+    by[:, : chamber.N] *= chamber.UNITS[: by.shape[1]]
     return pressure * 1e5, by if tangents else None, states, flows * 1e-6, path
 
 

@@ -8,13 +8,15 @@ B-splines are positive and sum to one, so the correction never exceeds its large
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from camtorque.compiled import njit
-from camtorque.laws.torque import bin_taps
+from camtorque.laws.chain import BINS, ChainInput, ChainOutput, filtered, transfer
+from camtorque.laws.torque import bin_restoring, bin_taps
 from camtorque.records import Array, ReadOnly
 from camtorque.units import DEGREE
 
@@ -118,3 +120,11 @@ def lift_correction(theta: Array, lift: Array, resolution: float, noise_std: flo
     error = max(noise_std, resolution / np.sqrt(12.0))
     prior_std = error * np.sqrt(step / KNOT_STEP)
     return LiftCorrection(knots, prior_std)
+
+
+def lift_columns(chain: ChainInput, basis: LiftCorrection, output: ChainOutput, values: Mapping[str, float]) -> Array:
+    """Return the measured torque of each coefficient of a correction, (BINS, n) [N]."""
+    columns = basis.binned_torque(output.motion.theta, output.load, BINS)
+    shaft, measured, *_ = transfer(chain, values, BINS)
+    behind = shaft * measured * bin_restoring(chain.theta.size // BINS, BINS)
+    return filtered(columns, behind)

@@ -8,9 +8,10 @@ what it did between two teeth drops out.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from camtorque.records import Array, ReadOnly
 from camtorque.units import TURN, angle_grid, on_grid
@@ -35,11 +36,13 @@ class Swing(ReadOnly):
     lead : (n,) cam angle less the even angle at which the cam passes it, as the alignment has it over cam angle [rad]
     waves : (n,) the same of low orders alone, which a gap in the wheel does not bend [rad]
     order : highest order that is told, 0 where teeth are too few for it: the cam is rebuilt as behind one pulse
+    errors : (k, m + 1) harmonics of what the waves may be off by, k errors of one standard deviation each [rad]
     """
 
     lead: Array
     waves: Array
     order: int
+    errors: NDArray[np.complex128] = field(default_factory=lambda: np.zeros((0, 1), dtype=np.complex128))
 
     def even(self, n: int) -> Array:
         """Return the even angle at each of n cam angles of a revolution, as the alignment has them [rad]."""
@@ -53,9 +56,29 @@ class Swing(ReadOnly):
         """Return what is told of the cam angle less the even angle, and two derivatives, over even angle, (3, n)."""
         if not self.order:
             return np.zeros((3, n))
+        return self._of_told_orders(_over_even(self.waves, n))
+
+    def told_errors(self, n: int) -> Array:
+        """Return what that may be off by, one standard deviation of each error, (3, k, n)."""
+        size = self.waves.size
+        even = angle_grid(size) - self.waves
+        off = np.fft.irfft(self.errors, size) * (0.5 * size)
+        over = [np.interp(angle_grid(n), even, one, period=TURN) for one in off]
+        return self._of_told_orders(np.array(over).reshape(-1, n))
+
+    def _of_told_orders(self, values: Array) -> Array:
+        """Return the told orders of periodic values (..., n) over even angle, and two derivatives, (3, ..., n)."""
+        n = values.shape[-1]
         harmonic = np.arange(n // 2 + 1)
-        spectrum = np.where(harmonic <= self.order, np.fft.rfft(_over_even(self.waves, n)), 0.0)
+        spectrum = np.where(harmonic <= self.order, np.fft.rfft(values), 0.0)
         return np.fft.irfft([spectrum * (1j * harmonic) ** power for power in range(3)], n)
+
+    def corrected(self, errors: Array) -> Swing:
+        """Return the swing as it was where its errors were so many standard deviations, (k,)."""
+        if not errors.any():
+            return self
+        off = np.fft.irfft(errors @ self.errors, self.waves.size) * (0.5 * self.waves.size)
+        return replace(self, waves=self.waves + off)
 
     def evened(self, values: Array) -> Array:
         """Return a curve over cam angle (n,) over even angle, (n,)."""
@@ -69,12 +92,15 @@ def _over_even(lead: Array, n: int) -> Array:
     return np.asarray(np.interp(angle_grid(n), angle_grid(fine.size) - fine, fine, period=TURN))
 
 
-def swing_of(lead: Array, waves: Array) -> Swing:
+def swing_of(lead: Array, waves: Array, errors: NDArray[np.complex128] | None = None) -> Swing:
     """Return the swing of a turn by how far the cam is ahead over cam angle, and by the waves of that, (n,) [rad].
+
+    ``errors`` are those of `Swing`, none where they are not known.
 
     At the pulse of the nominal angle the lead is zero, but for where its tooth is; the waves are zero in the mean.
     """
     spectrum = np.abs(np.fft.rfft(waves))
     highest = int(np.max(np.flatnonzero(spectrum > ROUNDING * np.max(spectrum)), initial=0))
     order = int(TOLD * highest)
-    return Swing(lead, waves + np.mean(lead - waves), order if order >= LEAST_TOLD else 0)
+    known = np.zeros((0, 1), dtype=np.complex128) if errors is None else errors
+    return Swing(lead, waves + np.mean(lead - waves), order if order >= LEAST_TOLD else 0, known)

@@ -17,7 +17,16 @@ from camtorque.records.base import (
     printable,
     require,
 )
-from camtorque.records.cycles import DEVIATION, LEAD, PASSED, AngleError, CamCycles, ClockFit, CutFlowRow
+from camtorque.records.cycles import (
+    DEVIATION,
+    DEVIATION_ERRORS,
+    LEAD,
+    PASSED,
+    AngleError,
+    CamCycles,
+    ClockFit,
+    CutFlowRow,
+)
 from camtorque.records.fitted import (
     APART,
     EITHER_LOSS,

@@ -14,6 +14,7 @@ from camtorque.records.base import Array, Estimate, Finding, Mask, ReadOnly
 from camtorque.stacks import mean_of, std_of
 
 DEVIATION, LEAD = "angle_deviation", "angle_lead"
+DEVIATION_ERRORS = "angle_deviation_errors"
 """Details of an alignment by a wheel: how far the cam is ahead of even running, as waves and as it was interpolated."""
 
 PASSED = "angle_passed"

@@ -50,6 +50,7 @@ class SensorCalibration:
     filter_order, filter_damping : order of the low-pass, 0 when none; its damping ratio, nan where its kind is unknown
     range_min, range_max : nominal range in SI
     output_min_volts, output_max_volts : output range
+    saturates : whether its end is that of an amplifier; nominal ranges of values that a logger has scaled are passed
     """
 
     quantity: str
@@ -69,6 +70,7 @@ class SensorCalibration:
     output_min_volts: float = -math.inf
     output_max_volts: float = math.inf
     filter_damping: float = math.nan
+    saturates: bool = True
 
     @property
     def largest_reading(self) -> float:
