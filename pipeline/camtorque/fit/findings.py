@@ -143,7 +143,7 @@ def largest_chi_square(degrees: float) -> float:
 def table_findings(table: CamTable) -> tuple[Finding, ...]:
     """Return a note on a lift table that scatters beyond its stated resolution."""
     scatter = table_error(table)
-    if scatter <= 0.6 * table.resolution:
+    if scatter <= 1.001 * table.resolution / math.sqrt(12.0):
         return ()
     text = (
         f"the lift table scatters by {scatter * 1e6:.2f} um about a smooth curve, rounding to "
