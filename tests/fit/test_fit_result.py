@@ -670,7 +670,9 @@ def test_a_contact_that_no_steel_bears_is_told_with_its_place(largest: float, to
     assert not told or "26.8 GPa at 90 deg" in found[0].text
 
 
-@pytest.mark.parametrize(("opens", "std", "told"), [(7.65, 0.05, True), (7.55, 0.05, True), (6.9, 0.1, False)])
+@pytest.mark.parametrize(
+    ("opens", "std", "told"), [(7.65, 0.05, True), (7.55, 0.05, True), (6.9, 0.1, False), (6.0, 2.0, False)]
+)
 def test_a_spill_port_at_the_top_of_the_lift_is_told(record, opens: float, std: float, told: bool):
     """Of eight pumps whose delivery nothing ended all had a port that was *measured* at the top of the lift."""
     port = replace(record.parameters[0], name="spill_lift", value=opens, stderr=std, unit="mm")

@@ -34,6 +34,8 @@ LOAD_FRICTIONS, NO_FRICTION = ("bearing_arm", "pin_arm", "guide_friction"), 0.02
 STEADY_DRAGS = ("shaft_drag", "shaft_viscous")
 LIKE_A_ZERO = ", or for a torque zero that is off: note the reading at standstill before and after"
 """What drags that are constant at one speed cannot be told from, and how it is."""
+AT_THE_TOP = 0.02
+"""Share of the lift below its top within which a port hardly opens."""
 
 
 def prior_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ...]:
@@ -156,7 +158,7 @@ def table_findings(table: CamTable) -> tuple[Finding, ...]:
 def spill_findings(parameters: Sequence[ParameterEstimate], top: float) -> tuple[Finding, ...]:
     """Return a note on a spill port that the plunger hardly reaches, or does not; ``top`` is the largest lift [m]."""
     for row in parameters:
-        if row.name != "spill_lift" or row.value + 2.0 * row.stderr < 1e3 * top:
+        if row.name != "spill_lift" or row.value + min(2.0 * row.stderr, AT_THE_TOP * 1e3 * top) < 1e3 * top:
             continue
         text = (
             f"a spill port that opens at {short(row.value)} ± {short(row.stderr, 1)} {row.unit} is hardly reached by a "
