@@ -134,7 +134,7 @@ def rig_of(report: Path, pump: Path | None = None, cam: Path | None = None) -> R
             raise Refusal(f"{pump}: its cam is given by sections, expected a lift table; name one with --cam")
         data, rotation, table = other.pump, other.rotation, other.cam_table
     if cam is not None:
-        data = replace(data, cam_table_path=cam)
+        data = replace(data, cam_table_path=cam, cam_table_zero=0.0)  # the key is of the recording's own table
         table, notes = read_cam_table(data)
         findings = (*notes, *check_pump(data, table, rotation, pump or config.path))
     table = read_cam_table(data)[0] if table is None else table

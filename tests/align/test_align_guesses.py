@@ -262,6 +262,18 @@ def test_an_angle_in_coarse_steps_has_no_clock_jumps() -> None:
     assert counted.edges.noise == pytest.approx(quantum, rel=0.3)
 
 
+@pytest.mark.parametrize("rate", [5e3, 50e3])
+def test_an_even_angle_of_full_precision_has_no_counts(rate: float) -> None:
+    """Its step from sample to sample was taken for a count, and the angle read a quarter of it late."""
+    angle = 2.0 * np.pi * 20.0 * np.arange(round(1.5 * rate)) / rate
+    recorded = Channel("angle", "DAQ", Samples(angle), 0.0, rate, None, Path("log.csv"), "angle")
+    counted = counter_train(recorded, 1)
+    pitch = 2.0 * np.pi / counted.pulses_per_cycle
+    expected = counted.train.step * pitch / (2.0 * np.pi * 20.0)
+    np.testing.assert_allclose(counted.train.time, expected, atol=1e-9)
+    assert counted.train.offset_std == 0.0
+
+
 def test_missing_samples_of_an_angle_are_told() -> None:
     angle = np.linspace(0.0, 12.0 * np.pi, 4001)
     angle[100:103] = np.nan

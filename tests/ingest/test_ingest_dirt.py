@@ -47,6 +47,30 @@ def test_a_first_row_with_a_word_for_none_is_no_header(tmp_path: Path):
     assert raw.channels[0].start_time == 0.0
 
 
+@pytest.mark.parametrize("word", ["#DIV/0!", "#WERT!", "nan(ind)", "err", "Fehler", "No Data"])
+def test_a_log_that_begins_with_error_cells_keeps_its_time(tmp_path: Path, word: str):
+    """They were cut off as a header: ten of them moved the pressure by 1.5 degrees, up to 250 bar."""
+    body = [f"{a:.2f};{word if k < 10 else b}" for k, (a, b) in enumerate(zip(TORQUE, PRESSURE, strict=True))]
+    torque, pressure = (c.source.read(0, 10**6) for c in log(tmp_path, "Torque [Nm];Pressure [bar]", *body).channels)
+    np.testing.assert_allclose(torque, TORQUE)
+    assert np.all(np.isnan(pressure[:10]))
+    np.testing.assert_allclose(pressure[10:], PRESSURE[10:])
+
+
+def test_rows_of_one_unknown_word_above_the_numbers_are_refused(tmp_path: Path):
+    body = [f"{a:.2f};{'sat' if k < 10 else b}" for k, (a, b) in enumerate(zip(TORQUE, PRESSURE, strict=True))]
+    with pytest.raises(Refusal, match=r"first one of numbers all hold 'sat', which is no number .* write NaN"):
+        log(tmp_path, "Torque [Nm];Pressure [bar]", *body)
+
+
+@pytest.mark.parametrize("cut", range(7))
+def test_a_character_that_is_cut_where_sniffing_ends_is_no_other_encoding(cut: int):
+    """A column "läuft" was read or not by one character of a comment 260 thousand bytes on."""
+    text = "Öldruck [bar] \u2019\u2019\u202f".encode()
+    assert csv_layout.encoding_of(text[: len(text) - cut]) == "utf-8"
+    assert csv_layout.encoding_of("Öldruck;läuft".encode("cp1252")) == "cp1252"
+
+
 @pytest.mark.parametrize("sign", ["'", "\u2019", " ", "\u00a0", "\u202f"])
 @pytest.mark.parametrize("decimal", [".", ","])
 def test_apostrophes_and_blanks_between_thousands(tmp_path: Path, sign: str, decimal: str):

@@ -32,6 +32,10 @@ FINEST = Threshold(
     5.0e-6, "rad", "physics",
     "Levels nearer to each other are one but for the rounding of the file: no counter has a million lines."
 )  # fmt: skip
+NEVER_TWICE = Threshold(
+    0.99, "1", "physics",
+    "Share of samples with a value of their own, one step from the next, beyond which steps are those of the samples."
+)  # fmt: skip
 WHOLE = Threshold(
     0.1, "1", "statistics",
     "Steps between the levels of a counter are whole counts but for this part; those of an analogue angle are "
@@ -139,6 +143,9 @@ def _quantum(channel: Channel) -> float:
     # a shaft that turns by two or three counts a sample shows no single one
     apart = np.diff(np.unique(steps))
     quantum = float(min(steps.min(), np.min(apart, where=apart > FINEST, initial=np.inf)))
+    # an even ramp of full precision has a new value at every sample, one step on: no shaft keeps to its counts so
+    if steps.size > NEVER_TWICE * raw.size and np.max(steps) < 1.5 * quantum:
+        return 0.0
     return quantum if np.median(np.abs(steps / quantum - np.rint(steps / quantum))) < WHOLE else 0.0
 
 

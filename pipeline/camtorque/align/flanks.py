@@ -266,7 +266,7 @@ def _refuse_misplaced(found: Flanks, recording: Recording) -> None:
         f"angle moved by {_degrees(found.forward.shift)} degrees (correlation {found.forward.correlation:.2f}), or by "
         f"{_degrees(found.mirrored.shift)} degrees with the lift table read against the direction of running "
         f"({found.mirrored.correlation:.2f}), as declared {found.nominal_correlation:.2f}; correct the direction of "
-        f"the lift table and of rotation, or nominal_angle_deg = {np.degrees(spec.nominal_angle):g} of the trigger"
+        f"the lift table and of rotation, or nominal_angle_deg = {np.degrees(spec.stated_angle):g} of the trigger"
         f"{_starts(recording)}"
     )
 
@@ -309,7 +309,7 @@ def _moved(found: Flanks, recording: Recording, where: str) -> tuple[Finding, ..
         text = (
             f"torque follows pressure times lift velocity far better with the cam angle moved by "
             f"{_degrees(found.forward.shift)} degrees (correlation {found.forward.correlation:.2f}, as declared "
-            f"{found.nominal_correlation:.2f}): check nominal_angle_deg = {np.degrees(spec.nominal_angle):g} of the "
+            f"{found.nominal_correlation:.2f}): check nominal_angle_deg = {np.degrees(spec.stated_angle):g} of the "
             f"trigger, and the tooth that it stands for{_starts(recording)}"
         )
         return (Finding("trigger_far_off", "warning", text, where),)

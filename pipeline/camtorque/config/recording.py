@@ -173,8 +173,8 @@ def _from_start_of_lift(trigger: TriggerSpec, pump: Mapping[str, Any]) -> Trigge
     """Return the trigger with its angle counted from the start of lift, within half a revolution of it."""
     if not pump.get("cam_table_zero"):
         return trigger
-    turned = trigger.nominal_angle - pump["cam_table_zero"]
-    return replace(trigger, nominal_angle=(turned + np.pi) % (2.0 * np.pi) - np.pi)
+    turned = (trigger.nominal_angle - pump["cam_table_zero"] + np.pi) % (2.0 * np.pi) - np.pi
+    return replace(trigger, nominal_angle=turned, start_of_lift=trigger.nominal_angle - turned)
 
 
 def _assumed(root: Table) -> list[Finding]:

@@ -65,7 +65,8 @@ class PumpData:
 class TriggerSpec:
     """The proximity trigger, tooth wheel, index or encoder.
 
-    ``pulses_per_rev`` counts missing teeth as if present; ``reference`` is ``index`` or "".
+    ``pulses_per_rev`` counts missing teeth as if present; ``reference`` is ``index`` or ""; ``start_of_lift`` is where
+    the lift starts in a table that counts from elsewhere, as ``nominal_angle`` does not.
     """
 
     nominal_angle: float
@@ -80,6 +81,12 @@ class TriggerSpec:
     side: str = "cam"
     reference: str = ""
     meaning: str = ""
+    start_of_lift: float = 0.0
+
+    @property
+    def stated_angle(self) -> float:
+        """The nominal angle as recording.toml has it, which counts from the zero of the lift table [rad]."""
+        return self.nominal_angle + self.start_of_lift
 
     @property
     def pulses_per_cycle(self) -> int:

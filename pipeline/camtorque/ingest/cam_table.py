@@ -25,6 +25,8 @@ SAME_ANGLE = 0.01
 """Share of a step within which two angles are one: 2 pi is written 6.28318531."""
 ABOVE_ZERO, FAR_ABOVE_ZERO = 0.02, 0.2
 """Share of the stroke above which the lowest lift is reported, and refused."""
+STILL = 1.0e-3
+"""Share of the stroke below which a lift has hardly begun."""
 MOST_AT_ZERO, LAST_TOP = 0.4, np.radians(185.0)
 """Share of the stroke that the lift may have at angle zero, and angle at which it has to be at its top [rad]: rising
 flank and end of delivery are sought from zero to half a revolution; an eccentric is at its top there."""
@@ -95,7 +97,7 @@ def read_cam_table(pump: PumpData) -> tuple[CamTable, tuple[Finding, ...]]:
         theta, lift = _turned(theta, lift, zero)
         text = f"cam angles count from the start of lift, which is at {np.rad2deg(zero):g} deg of the lift table"
         findings.append(Finding("lift_table_zero", "info", text, where))
-    _check_zero(table, theta, lift, zero)
+    _check_zero(table, CamTable(theta, lift, resolution), zero)
     return CamTable(theta, lift, resolution), tuple(findings)
 
 
@@ -205,8 +207,9 @@ def _coarse(theta: Array, lift: Array, where: str) -> list[Finding]:
     return [Finding("lift_table_coarse", "warning", text, where)]
 
 
-def _check_zero(table: SmallTable, theta: Array, lift: Array, zero: float) -> None:
+def _check_zero(table: SmallTable, cam: CamTable, zero: float) -> None:
     """Refuse a table whose angles do not count from the start of the lift."""
+    theta, lift = cam.theta, cam.lift
     above = (lift - np.min(lift)) / np.ptp(lift)
     at_zero = float(np.interp(0.0, theta, above, period=2.0 * np.pi))
     first = int(np.argmax(above >= LOBE_TOP))
@@ -215,7 +218,9 @@ def _check_zero(table: SmallTable, theta: Array, lift: Array, zero: float) -> No
     if at_zero <= MOST_AT_ZERO and top <= LAST_TOP:
         return
     back_from_top = (highest - np.arange(theta.size)) % theta.size
-    start = theta[back_from_top[int(np.argmax(above[back_from_top] <= ABOVE_ZERO))]]
+    # the row before the first that is above noise and rounding: soft flanks stand a few degrees on at 2 % of the stroke
+    still = max(2.0 * cam.resolution / np.ptp(lift), STILL)
+    start = theta[back_from_top[int(np.argmax(above[back_from_top] <= still))]]
     against = at_zero <= MOST_AT_ZERO and 2.0 * np.pi - top <= LAST_TOP
     hint = "; or it runs against the direction of running: then each angle is 360 deg less itself" if against else ""
     found = f"at {np.rad2deg(zero):g} deg, cam_table_zero_deg," if zero else "at angle zero"

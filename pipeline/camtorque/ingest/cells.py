@@ -39,7 +39,11 @@ THOUSANDS = {
 }
 """Sign between thousands -> a number that shows it."""
 NUMBER = re.compile(r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$", re.IGNORECASE)
-MISSING = ("", "nan", "na", "n/a", "<na>", "none", "-", "--", "null", "#nv", "#n/a", "1.#qnan", "-1.#ind")
+MISSING = (
+    "", "nan", "na", "n/a", "<na>", "none", "-", "--", "null", "#nv", "#n/a", "1.#qnan", "-1.#ind", "nan(ind)",
+    "-nan(ind)", "#div/0!", "#value!", "#wert!", "#ref!", "#bezug!", "#num!", "#zahl!", "#name?", "#null!", "err",
+    "error", "fehler", "bad", "invalid", "no data", "nodata",
+)  # fmt: skip
 OVERRANGE = re.compile(
     r"^[+-]?(∞|inf\w*|1\.#inf\w*|ov\w{0,3}fl\w*|ovl?d?|ovfw|ovr\w*|o\.?l|#?over[ \w]*|clip\w*|#+|\*+|[+-]{3,}|"
     r"-+[.,]-+)$",

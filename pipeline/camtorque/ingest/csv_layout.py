@@ -206,8 +206,7 @@ def encoding_of(head: bytes) -> str:
     if head.startswith(b"\xef\xbb\xbf"):
         return "utf-8-sig"
     try:
-        # a character may be cut at the end of the sniffed stretch
-        head[: max(len(head) - 4, 0)].decode("utf-8")
+        codecs.getincrementaldecoder("utf-8")().decode(head)  # a character may be cut at the end of the stretch
         return "utf-8"
     except UnicodeDecodeError:
         return "cp1252" if not set(head) & {0x81, 0x8D, 0x8F, 0x90, 0x9D} else "latin-1"

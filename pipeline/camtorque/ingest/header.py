@@ -54,6 +54,8 @@ KEYED = re.compile(r"^[A-Za-z][\w ]*: *[+-]?[\d.]+(e[+-]?\d+)?$", re.IGNORECASE)
 """CH1:0.00000, a setting and no name."""
 COUNTS = re.compile(r"^(no|nr|num|number|index|idx|sample|record|rn|row|#|tracename)\.?$", re.IGNORECASE)
 """What stands over a count of rows, which an export may leave out, or is the key of a row of names."""
+ROWS_OF_A_WORD = 3
+"""Rows in a row that hold one word beside numbers, from which on they are no header."""
 AMBIGUOUS = re.compile(r"^\d{1,3}[.,]\d{3}$")
 """Twenty thousand or twenty: 20,000 and 20.000 mean either, by country."""
 NUMBERED = re.compile(r"^column (?P<number>[1-9]\d{0,3})$")
@@ -187,6 +189,20 @@ def _refuse_other_count(path: Path, rows: list[list[str]], n_columns: int, wante
         )
 
 
+def _refuse_rows_of_a_word(path: Path, rows: list[list[str]], n_columns: int) -> None:
+    """Refuse rows above the first one of numbers that hold the same word again and again: they are of the log."""
+    words = [
+        tuple(dict.fromkeys(field for field in row if not is_number(field))) if len(row) == n_columns else ()
+        for row in rows[-ROWS_OF_A_WORD:]
+    ]
+    if len(words) == ROWS_OF_A_WORD and len(set(words)) == 1 and len(words[0]) == 1 and words[0][0]:
+        raise Refusal(
+            f"{path}: the lines above the first one of numbers all hold {words[0][0]!r}, which is no number and no "
+            "known word for a missing one; write NaN there, or leave the cell empty: a log that begins later is "
+            "moved in time"
+        )
+
+
 def names_of(
     path: Path, rows: list[list[str]], first: list[str], wanted: tuple[str, ...]
 ) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
@@ -204,6 +220,7 @@ def names_of(
     Refusal : no row has a name for each column, or none holds a wanted name
     """
     n_columns = len(first)
+    _refuse_rows_of_a_word(path, rows, n_columns)
     wanted = tuple(name for name in wanted if column_number(name) is None)
     candidates = _header_rows(rows, first, wanted)
     if not candidates:

@@ -63,7 +63,7 @@ def check_trigger(config: RecordingConfig, table: CamTable) -> list[Finding]:
     step = np.radians(2.0)
     lift = [table.at(at + shift) for shift in (-step, step)]
     where = f"{config.path} [trigger] nominal_angle_deg"
-    said = f"{np.degrees(trigger.nominal_angle):g} degrees is said to be the {trigger.meaning!r}"
+    said = f"{np.degrees(trigger.stated_angle):g} degrees is said to be the {trigger.meaning!r}"
     hint = "the lift table is turned or the angle is wrong"
     if not np.any(lift[1] - lift[0] > 4.0 * table.resolution):
         grid = np.radians(np.arange(0.0, 360.0, 1.0))
