@@ -413,3 +413,13 @@ def test_what_a_wheel_of_a_recording_saw_is_the_swing_of_its_shaft(teeth: int, m
     # the transducer's declared lag moves the curve, the swing would by ten times as much
     assert over_even_angle(cycles.mean_torque, known) == pytest.approx(torque_of(truth), abs=0.25)
     assert over_even_angle(cycles.mean_torque, None) != pytest.approx(torque_of(truth), abs=1.5)
+
+
+@pytest.mark.parametrize(("missing", "declared"), [(1, 2), (2, 1), (2, 3)])
+def test_a_gap_of_another_size_is_told_with_what_to_write(missing: int, declared: int) -> None:
+    wheel = Wheel(teeth=36, missing=missing)
+    recording = wheel_recording(wheel)
+    trigger = replace(recording.config.trigger, missing_teeth=declared)
+    said = rf"found {missing} missing once in 36: write missing_teeth = {missing}, pulses_per_rev = 36; else check"
+    with pytest.raises(Refusal, match=said):
+        align(replace(recording, config=replace(recording.config, trigger=trigger)))

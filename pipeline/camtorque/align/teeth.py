@@ -14,7 +14,7 @@ import numpy as np
 from camtorque.align.pulses import PulseTrain, clean_pulses
 from camtorque.config import TriggerSpec
 from camtorque.records import Array, Integers, Mask, Refusal
-from camtorque.signal.marks import MOSTLY, SAME_SHARE, two_marks, uneven_marks
+from camtorque.signal.marks import MOSTLY, SAME_SHARE, other_gap, two_marks, uneven_marks
 from camtorque.signal.running import running_median
 from camtorque.signal.threshold import Count, Threshold
 from camtorque.units import counted
@@ -148,8 +148,8 @@ def from_marks(train: PulseTrain, marks: Integers, spec: TriggerSpec, where: str
         raise Refusal(
             f"{where}: no mark found among {train.time.size} teeth, expected "
             f"{'a double tooth' if spec.double_tooth else f'{spec.missing_teeth} missing teeth'} "
-            f"once in {n}; check pulses_per_rev, missing_teeth and double_tooth in [trigger], and sensor "
-            '("inductive" for a coil)'
+            f"once in {n}; {other_gap(train.step)}check pulses_per_rev, missing_teeth and double_tooth in [trigger], "
+            'and sensor ("inductive" for a coil)'
         )
     _refuse_other_wheel(np.diff(train.step[marks]), spec, where)
     found = resynced(train, marks[confirmed(train.step[marks], n)], n, n - spec.missing_teeth)

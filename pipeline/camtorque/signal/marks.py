@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from camtorque.records import Array
+from camtorque.records import Array, Integers
 from camtorque.signal.threshold import Count, Threshold
 from camtorque.units import DEGREE, TURN
 
@@ -79,6 +79,20 @@ def uneven_marks(times: Array) -> str:
         f"{seen}; write pulses_per_rev = {pitches}, missing_teeth = {pitches - 2} under [trigger], nominal_angle_deg "
         "is that of the first after the long way"
     )
+
+
+def other_gap(step: Integers) -> str:
+    """Return what to write where a wheel has another gap than the declared one, empty where none comes again and again.
+
+    ``step`` are the whole pitches since the first pulse, (n,).
+    """
+    apart = np.diff(step)
+    gap = int(np.median(apart[apart > 1])) if np.any(apart > 1) else 0
+    turns = np.diff(step[1:][apart == gap])
+    usual = int(np.median(turns)) if turns.size >= LEAST_PERIODS else 0
+    if not usual or np.mean(turns == usual) < MOSTLY:
+        return ""
+    return f"found {gap - 1} missing once in {usual}: write missing_teeth = {gap - 1}, pulses_per_rev = {usual}; else "
 
 
 def repeats_every(rows: Array) -> int:
