@@ -6,9 +6,12 @@ import re
 from dataclasses import replace
 from datetime import date, timedelta
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+from camtorque.config import ChannelSpec
 from camtorque.ingest import read_recording
+from camtorque.ingest.starts import starts as begin_times
 from camtorque.ingest.starts import time_findings
 from camtorque.records import Recording
 from damaged import logs
@@ -130,3 +133,21 @@ def test_a_clock_that_was_set_back_ends_no_log_early(tmp_path: Path, step: float
     set_once = replace(torque, breaks=(torque.n_samples // 2,), break_steps=(step,))
     codes = [item.code for item in time_findings(recording.config, {}, [set_once, *others])]
     assert codes.count("log_ends_early") == early
+
+
+@pytest.mark.parametrize(("late", "early", "expected"), [
+    (86399.5, 0.2, 86400.2),  # one begun before midnight, one behind it
+    (86399.5, 5.0, 5.0), (100.0, 0.2, 0.2),  # no time is shared a day on either: refused later, as they are
+    (43200.5, 43200.2, 43200.2),
+])  # fmt: skip
+def test_times_of_day_go_on_behind_midnight_from_one_log_to_the_other(late: float, early: float, expected: float):
+    rows = {
+        name: ChannelSpec(name, Path(f"{name}.csv"), "", name, "V", "L", 50.0, "") for name in ("torque", "pressure")
+    }
+    begun = dict(zip(rows.values(), (late, early), strict=True))
+    raw = {
+        spec: SimpleNamespace(stamp=None, start_time=start, source=SimpleNamespace(n_samples=100), sample_rate=50.0)
+        for spec, start in begun.items()
+    }
+    found = begin_times(SimpleNamespace(own_clocks=frozenset()), raw)  # type: ignore[arg-type]
+    assert [found[spec] for spec in rows.values()] == [late, expected]

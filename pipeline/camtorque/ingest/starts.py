@@ -13,6 +13,7 @@ from camtorque.signal.logger_time import end_time
 from camtorque.units import HOUR, TURN, first_of, zone_hint
 
 T = TypeVar("T", ChannelSpec, Channel)
+DAY = 24.0 * HOUR
 CLOCKS_APART = HOUR
 """Clocks of two loggers that nobody set may differ by this [s]."""
 
@@ -25,7 +26,19 @@ def starts(config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel]) -> di
         earliest = min((date for date in dates if date is not None), default=0.0)
         for spec, date in zip(group, dates, strict=True):
             found[spec] = raw[spec].start_time + (0.0 if date is None else date - earliest)
+        if not any(dates):
+            found |= _over_midnight({spec: found[spec] for spec in group}, raw)
     return found
+
+
+def _over_midnight(begun: dict[ChannelSpec, float], raw: Mapping[ChannelSpec, RawChannel]) -> dict[ChannelSpec, float]:
+    """Return starts by time of day of which some lie behind midnight: a day on where they share time then alone."""
+    lasts = {spec: raw[spec].source.n_samples / raw[spec].sample_rate for spec in begun}
+    latest = max(begun, key=begun.__getitem__)
+    return {
+        spec: start + DAY * (start + lasts[spec] < begun[latest] and start + DAY < begun[latest] + lasts[latest])
+        for spec, start in begun.items()
+    }
 
 
 def _by_clock(config: RecordingConfig, logs: Iterable[T]) -> list[list[T]]:
