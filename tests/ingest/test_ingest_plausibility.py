@@ -14,6 +14,7 @@ from camtorque.ingest.check import summarise
 from camtorque.ingest.plausibility import check_loads, check_trigger_exchanged
 from camtorque.ingest.pump_sizes import PUMP_RATIOS
 from camtorque.ingest.raw import ArraySource
+from camtorque.ingest.recording import _of_damaged
 from camtorque.records import CamTable, Refusal
 from damaged.logs import CALIBRATION, edit
 
@@ -432,3 +433,11 @@ def test_a_pressure_read_in_another_unit_is_named_beside_a_stiff_spring(bench: P
     edit(toml, "spring_preload_N = 110.0", "spring_preload_N = 500.0")
     told = [finding.text for finding in read(bench).findings if finding.code == "torque_beyond_pressure"]
     assert "the pressure looks like MPa read as bar: correct its unit; else" in told[0]
+
+
+def test_cells_that_cannot_be_read_come_before_what_the_rest_contradicts() -> None:
+    """A pressure in "1,23,456.0" lost all but what lies below 100 bar; a plunger of 22 mm was asked for, no more."""
+    cells = Finding("csv_cells_damaged", "error", "107717 cells are not numbers", "a.csv")
+    said = str(_of_damaged(Refusal("plunger_diameter_m is wrong"), [Finding("other", "info", "note", "b.csv"), cells]))
+    assert said == "a.csv: 107717 cells are not numbers; with what is left of it: plunger_diameter_m is wrong"
+    assert str(_of_damaged(Refusal("plunger_diameter_m is wrong"), ())) == "plunger_diameter_m is wrong"

@@ -80,8 +80,17 @@ def recording_of(config: RecordingConfig) -> Recording:
         ),
     )
     check_trigger_exchanged(recording)
-    plausible = [*_plausible(config, cam_table), *check_loads(recording)]
+    try:
+        plausible = [*_plausible(config, cam_table), *check_loads(recording)]
+    except Refusal as refusal:
+        raise _of_damaged(refusal, file_findings) from None
     return replace(recording, findings=(*recording.findings, *plausible))
+
+
+def _of_damaged(refusal: Refusal, findings: Iterable[Finding]) -> Refusal:
+    """Return a refusal of what numbers say behind the damage of their files: half a log contradicts any sheet."""
+    damaged = [f"{finding.where}: {finding.text}" for finding in findings if finding.severity == "error"]
+    return Refusal(f"{damaged[0]}; with what is left of it: {refusal}") if damaged else refusal
 
 
 def _dated(config: RecordingConfig, raw: Iterable[RawChannel]) -> RecordingConfig:
