@@ -15,7 +15,7 @@ from camtorque.ingest.plausibility import check_loads, check_trigger_exchanged
 from camtorque.ingest.pump_sizes import PUMP_RATIOS
 from camtorque.ingest.raw import ArraySource
 from camtorque.ingest.recording import _of_damaged
-from camtorque.records import CamTable, Refusal
+from camtorque.records import CamTable, Finding, Refusal
 from damaged.logs import CALIBRATION, edit
 
 EXAMPLE = CALIBRATION.parent / "raw_examples" / "A_1000rpm"
