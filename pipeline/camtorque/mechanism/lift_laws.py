@@ -27,6 +27,8 @@ ORDER = 4
 LEAST_CORNER = 8.0
 """Lowest corner harmonic that is tried: a table of three times as many points, or fewer, leaves nothing to choose."""
 PIECES_PER_HARMONIC = 8
+LEFT_OF_SCATTER = 2.0
+"""Times the rounding up to which a scatter leaves no more than that behind the spectral law: it averages over rows."""
 
 
 def _interpolant(table: CamTable, degree: int) -> CamLaw:
@@ -83,7 +85,7 @@ def spectral_law(table: CamTable) -> CamLaw:
     n = int(PIECES_PER_HARMONIC * np.ceil(corner))
     knots = theta[0] + np.arange(n + 1) * TURN / n
     derivatives = [_harmonic_sum(spectrum, harmonic, order, knots - theta[0], theta.size) for order in range(3)]
-    return CamLaw(knots, _quintic_pieces(TURN / n, *derivatives), table_error(table), step)
+    return CamLaw(knots, _quintic_pieces(TURN / n, *derivatives), table_error(table, LEFT_OF_SCATTER), step)
 
 
 def _quintic_pieces(width: float, lift: Array, slope: Array, curve: Array) -> Array:

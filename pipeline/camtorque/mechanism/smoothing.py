@@ -106,19 +106,20 @@ def _gauss_points(breaks: Array) -> tuple[Array, Array]:
     return (breaks[:-1, None] + 0.5 * width * (nodes + 1.0)).ravel(), (0.5 * width * weights).ravel()
 
 
-def table_error(table: CamTable) -> float:
+def table_error(table: CamTable, clearly: float = CLEARLY_LARGER) -> float:
     """Return the standard deviation of a table's error [m]: rounding, or its scatter where that is clearly larger.
 
     Rounding gives resolution / sqrt(12). The scatter is read from differences of order 4 to 6, in which the lift
     itself vanishes (median absolute deviation, so that the ends of the flanks do not count); the least of the three
     counts, since what is left of the lift can only add to it. A table of uneven steps is taken at its resolution.
+    ``clearly`` : times the rounding from which a scatter counts
     """
     rounding = float(table.resolution / np.sqrt(12.0))
     steps = np.diff(closed(table.theta, table.lift)[0])
     if np.ptp(steps) > 0.01 * np.mean(steps):
         return rounding
     scatter = min(_scatter(table.lift, order) for order in (4, 5, 6))
-    return scatter if scatter > CLEARLY_LARGER * rounding else rounding
+    return scatter if scatter > clearly * rounding else rounding
 
 
 def _scatter(lift: Array, order: int) -> float:
