@@ -51,6 +51,11 @@ class Places:
     scatter: float
     turns: int
 
+    @property
+    def _told(self) -> Mask:
+        """Orders that the teeth tell apart; of the others only the expected size is known."""
+        return np.asarray(self.orders <= max(1, (self.place.size - 1) // 2))
+
     def at(self, step: float) -> tuple[float, float]:
         """Return the place of what passes between two teeth, by time, and its standard deviation [rad].
 
@@ -72,8 +77,7 @@ class Places:
         ----------
         since_zero : cam angle since the pulse of step zero [rad]
         """
-        # of orders that the teeth do not tell apart only the expected size is known
-        told = np.tile(self.orders <= max(1, (self.place.size - 1) // 2), 2)
+        told = np.tile(self._told, 2)
         waves = waves_of(since_zero, self.orders)[:, told]
         std = np.sqrt(np.maximum(np.sum((waves @ self.covariance[np.ix_(told, told)]) * waves, axis=1), 0.0))
         return waves @ self.coefficient[told], std
@@ -83,12 +87,11 @@ class Places:
 
         ``zero`` is the cam angle of step zero; ``irfft(errors, n) * n / 2`` is over n cam angles [rad].
         """
-        told = self.orders <= max(1, (self.place.size - 1) // 2)
-        both = np.tile(told, 2)
+        both, orders = np.tile(self._told, 2), self.orders[self._told]
         size, axes = np.linalg.eigh(self.covariance[np.ix_(both, both)])
         cosine, sine = np.split(axes * np.sqrt(np.maximum(size, 0.0)), 2)
-        spectrum = np.zeros((size.size, int(self.orders[told][-1]) + 1), dtype=np.complex128)
-        spectrum[:, self.orders[told]] = (cosine - 1j * sine).T * np.exp(-1j * self.orders[told] * zero)
+        spectrum = np.zeros((size.size, int(orders[-1]) + 1), dtype=np.complex128)
+        spectrum[:, orders] = (cosine - 1j * sine).T * np.exp(-1j * orders * zero)
         return spectrum
 
 

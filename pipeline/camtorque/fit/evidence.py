@@ -179,9 +179,8 @@ def loss_evidence(problem: Problem, solution: Solution, cov: Covariance, odd_eve
     posterior = posterior_at(problem, solution, cov.matrix, cov.inflation)
     prior = prior_of(problem, cov.prior_std)
     moves = moves_of(solution.output, problem.names, tuple(MEMBERS))
-    swing = problem.data[0].chain.swing
-    rows, order = tuple(one.row for one in problem.parameters), swing.order if swing else 0
-    fit = Weighed(rows, solution.z, posterior, prior, moves, small, order)
+    rows = tuple(one.row for one in problem.parameters)
+    fit = Weighed(rows, solution.z, posterior, prior, moves, small, problem.data[0].chain.told_order)
     full = laplace(problem, solution, cov.inflation)
 
     def refitted(left_out: Sequence[tuple[str, ...]]) -> list[float]:

@@ -188,7 +188,7 @@ def joint_evidence(fit: JointFit, odd_even: Array, explained: bool, each: Each =
 
     every = each(moved, range(len(problem.data)))
     moves = {loss: np.mean([one[loss] for one in every], axis=0) for loss in losses}
-    order = min(item.chain.swing.order if item.chain.swing else 0 for item in problem.data)
+    order = min(item.chain.told_order for item in problem.data)
     found = evidence_of(Weighed(rows, solution.z[shared], known, before, moves, small, order), APART)
     return found if explained else where_unexplained(found)
 

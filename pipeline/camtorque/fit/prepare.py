@@ -20,7 +20,7 @@ from camtorque.fit.teeth import PLACE_STD
 from camtorque.laws.chain import BINS, ChainInput, binned
 from camtorque.laws.lift import LiftCorrection, lift_correction
 from camtorque.laws.ripple import waves
-from camtorque.laws.swing import Swing, swing_of
+from camtorque.laws.swing import NO_ERRORS, Swing, swing_of
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.load_check import on_base
 from camtorque.records import (
@@ -134,7 +134,7 @@ def cam_swing(config: RecordingConfig, details: Mapping[str, Any]) -> Swing | No
         return None
     waves = np.asarray(waves, dtype=np.float64)
     lead = np.asarray(details.get(LEAD, waves), dtype=np.float64)
-    swing = swing_of(lead, waves, details.get(DEVIATION_ERRORS))
+    swing = swing_of(lead, waves, details.get(DEVIATION_ERRORS, NO_ERRORS))
     return replace(swing, order=0) if config.trigger.side == "motor" else swing
 
 

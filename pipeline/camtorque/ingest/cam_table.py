@@ -97,8 +97,9 @@ def read_cam_table(pump: PumpData) -> tuple[CamTable, tuple[Finding, ...]]:
         theta, lift = _turned(theta, lift, zero)
         text = f"cam angles count from the start of lift, which is at {np.rad2deg(zero):g} deg of the lift table"
         findings.append(Finding("lift_table_zero", "info", text, where))
-    _check_zero(table, CamTable(theta, lift, resolution), zero)
-    return CamTable(theta, lift, resolution), tuple(findings)
+    cam = CamTable(theta, lift, resolution)
+    _check_zero(table, cam, zero)
+    return cam, tuple(findings)
 
 
 def _turned(theta: Array, lift: Array, zero: float) -> tuple[Array, Array]:
@@ -127,8 +128,7 @@ def _evened(theta: Array, unit: float, where: str) -> tuple[Array, list[Finding]
     Each has to be the even one to its own last digit, and some not to the last digit of others. The slope of such a
     table is wrong by a fifth from row to row.
     """
-    even = np.arange(theta.size) * (2.0 * np.pi / theta.size)
-    even += theta[0] - even[0]
+    even = theta[0] + np.arange(theta.size) * (2.0 * np.pi / theta.size)
     digits = np.array([len(f"{value / unit:.10g}".partition(".")[2]) for value in theta])
     off, last = np.abs(theta - even) / unit, 10.0**-digits
     if np.any(off > 0.5001 * last) or np.max(off) <= SAME_ANGLE * (even[1] / unit - even[0] / unit):

@@ -93,14 +93,20 @@ class ChainInput(ReadOnly):
     constants: Constants = field(init=False)
     in_signal: Array = field(init=False)
 
+    @property
+    def told_order(self) -> int:
+        """Highest order of the cam's swing that a wheel tells, 0 without one."""
+        return self.swing.order if self.swing else 0
+
     def __post_init__(self) -> None:
-        lift, swing = self.law.evaluate(self.theta, 0), self.swing
-        seen, told = (swing.order, swing.told(self.theta.size)) if swing else (0, np.zeros((3, 0)))
+        lift = self.law.evaluate(self.theta, 0)
+        told = self.swing.told(self.theta.size) if self.swing else np.zeros((3, 0))
         pump = replace(self.pump, follower_offset=self.offset)
         waves = ripple.binned_waves(self.ripple_order, BINS, self.theta.size)
         lobes = lobe_count(lift)
         made = {
-            "twist": driveline.twist_basis(self.shaft_torque, self.speed, self.trigger_angle, seen), "told": told,
+            "twist": driveline.twist_basis(self.shaft_torque, self.speed, self.trigger_angle, self.told_order),
+            "told": told,
             "lobes": lobes, "top_lift": float(np.max(lift)),
             "top_angle": float(self.theta[np.argmax(lift[: lift.size // lobes])]),
             "substeps": self.substeps if self.substeps.size else np.ones(self.theta.size, dtype=np.int64),

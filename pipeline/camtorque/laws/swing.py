@@ -23,6 +23,7 @@ TOLD = 0.75
 LEAST_TOLD = 2
 """Orders from which on what is told is worth more than the twist by the torque: seven teeth. Behind four to six of them
 a cam that swings by 5 degrees had a trigger angle off by 0.3 to 2.8 degrees."""
+NO_ERRORS = np.zeros((0, 1), dtype=np.complex128)
 ROUNDING = 1.0e-9
 """Share of the largest harmonic below which one is rounding."""
 
@@ -42,7 +43,7 @@ class Swing(ReadOnly):
     lead: Array
     waves: Array
     order: int
-    errors: NDArray[np.complex128] = field(default_factory=lambda: np.zeros((0, 1), dtype=np.complex128))
+    errors: NDArray[np.complex128] = field(default_factory=lambda: NO_ERRORS)
 
     def even(self, n: int) -> Array:
         """Return the even angle at each of n cam angles of a revolution, as the alignment has them [rad]."""
@@ -60,10 +61,8 @@ class Swing(ReadOnly):
 
     def told_errors(self, n: int) -> Array:
         """Return what that may be off by, one standard deviation of each error, (3, k, n)."""
-        size = self.waves.size
-        even = angle_grid(size) - self.waves
-        off = np.fft.irfft(self.errors, size) * (0.5 * size)
-        over = [np.interp(angle_grid(n), even, one, period=TURN) for one in off]
+        even = angle_grid(self.waves.size) - self.waves
+        over = [np.interp(angle_grid(n), even, one, period=TURN) for one in self._over_cam(self.errors)]
         return self._of_told_orders(np.array(over).reshape(-1, n))
 
     def _of_told_orders(self, values: Array) -> Array:
@@ -77,8 +76,11 @@ class Swing(ReadOnly):
         """Return the swing as it was where its errors were so many standard deviations, (k,)."""
         if not errors.any():
             return self
-        off = np.fft.irfft(errors @ self.errors, self.waves.size) * (0.5 * self.waves.size)
-        return replace(self, waves=self.waves + off)
+        return replace(self, waves=self.waves + self._over_cam(errors @ self.errors))
+
+    def _over_cam(self, harmonics: NDArray[np.complex128]) -> Array:
+        """Return waves by their harmonics (..., m + 1) over the cam angles of the swing's own, (..., n)."""
+        return np.fft.irfft(harmonics, self.waves.size) * (0.5 * self.waves.size)
 
     def evened(self, values: Array) -> Array:
         """Return a curve over cam angle (n,) over even angle, (n,)."""
@@ -92,7 +94,7 @@ def _over_even(lead: Array, n: int) -> Array:
     return np.asarray(np.interp(angle_grid(n), angle_grid(fine.size) - fine, fine, period=TURN))
 
 
-def swing_of(lead: Array, waves: Array, errors: NDArray[np.complex128] | None = None) -> Swing:
+def swing_of(lead: Array, waves: Array, errors: NDArray[np.complex128] = NO_ERRORS) -> Swing:
     """Return the swing of a turn by how far the cam is ahead over cam angle, and by the waves of that, (n,) [rad].
 
     ``errors`` are those of `Swing`, none where they are not known.
@@ -102,5 +104,4 @@ def swing_of(lead: Array, waves: Array, errors: NDArray[np.complex128] | None = 
     spectrum = np.abs(np.fft.rfft(waves))
     highest = int(np.max(np.flatnonzero(spectrum > ROUNDING * np.max(spectrum)), initial=0))
     order = int(TOLD * highest)
-    known = np.zeros((0, 1), dtype=np.complex128) if errors is None else errors
-    return Swing(lead, waves + np.mean(lead - waves), order if order >= LEAST_TOLD else 0, known)
+    return Swing(lead, waves + np.mean(lead - waves), order if order >= LEAST_TOLD else 0, errors)

@@ -29,7 +29,7 @@ def swing_error_columns(
     output : the chain at these values
     coefficients : (17,) of `COLUMN_NAMES`
     """
-    if data.swing is None or not data.swing.errors.size or not data.swing.order:
+    if data.swing is None or not data.swing.errors.size or not data.told_order:
         return np.zeros((BINS, 0))
     first, second, third = np.ascontiguousarray(data.swing.told_errors(data.theta.size).transpose(0, 2, 1))
     moved = (first, second, third)

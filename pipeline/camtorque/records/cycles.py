@@ -14,8 +14,9 @@ from camtorque.records.base import Array, Estimate, Finding, Mask, ReadOnly
 from camtorque.stacks import mean_of, std_of
 
 DEVIATION, LEAD = "angle_deviation", "angle_lead"
-DEVIATION_ERRORS = "angle_deviation_errors"
 """Details of an alignment by a wheel: how far the cam is ahead of even running, as waves and as it was interpolated."""
+DEVIATION_ERRORS = "angle_deviation_errors"
+"""And what the waves may be off by, as harmonics."""
 
 PASSED = "angle_passed"
 """Detail of an alignment by two or three pulses a turn, (t, 3) of each but the first: how much later it passes in even
