@@ -9,7 +9,7 @@ from pathlib import Path
 
 from camtorque.align import align
 from camtorque.config.recording import load_recording_config
-from camtorque.ingest.csv_layout import HEAD_BYTES, utf16
+from camtorque.ingest.csv_layout import HEAD_BYTES, wide_codec
 from camtorque.ingest.formats import LINE_BY_LINE, content_format
 from camtorque.ingest.recording import recording_of
 from camtorque.process.threads import on_one_thread
@@ -53,7 +53,7 @@ def _copied(path: Path, copy: Path) -> None:
     if not _is_text(copy):
         return
     with copy.open("rb+") as file:
-        line_end = "\n".encode(utf16(file.read(HEAD_BYTES)) or "ascii")
+        line_end = "\n".encode(wide_codec(file.read(HEAD_BYTES)) or "ascii")
         end = file.seek(0, 2)
         tail = min(end, 1 << 16)
         file.seek(end - tail)

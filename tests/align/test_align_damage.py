@@ -207,6 +207,16 @@ def test_channel_of_noise_is_refused(quantity: str) -> None:
         align(edited(quantity, lambda v: 1.0 + 0.05 * np.random.default_rng(4).standard_normal(v.size)))
 
 
+def test_a_wheel_that_is_taken_for_one_pulse_is_named() -> None:
+    """Its user was sent to the cable of the torque."""
+    recording = edited("torque", lambda v: 1.0 + 0.05 * np.random.default_rng(4).standard_normal(v.size))
+    slow = replace(recording.config, nominal_speed=recording.config.nominal_speed / 60.0)
+    with pytest.raises(
+        Refusal, match=r"does not follow the cam.* 60 times as often .* of about 60 teeth, .* pulses_per_rev"
+    ):
+        align(replace(recording, config=slow))
+
+
 @pytest.mark.parametrize("quantity", ["torque", "pressure"])
 def test_clipped_cycles_are_cut(quantity: str) -> None:
     def clip_half(volts: np.ndarray) -> np.ndarray:

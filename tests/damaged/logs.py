@@ -107,6 +107,7 @@ DIALECTS: dict[str, Dialect] = {
     "bars": Dialect(separator="|"),
     "day_first": Dialect(";", ",", iso=True, day_first=True, unit_row=False, comments=(), time_name="Zeitstempel"),
     "utf16": Dialect("\t", encoding="utf-16"),
+    "utf32": Dialect("\t", encoding="utf-32"),
     "utf16_plain": Dialect("\t", encoding="utf-16-le"),
     "surplus": Dialect(surplus=";Bemerkung", separator=";", unit_row=False),
     "latin1": Dialect(";", ".", "latin-1", ("# Temperatur 23 °C, Weg in µm",)),

@@ -145,7 +145,9 @@ def test_times_whose_own_unit_is_none_of_time_are_refused(tmp_path: Path):
         hdf5.read(file, (spec("p", file=file),), "")
 
 
-@pytest.mark.parametrize(("name", "value"), [("Sample_Rate", "1 kHz"), ("dt", [1e-3, 1e-3]), ("t0", "noon")])
+@pytest.mark.parametrize(
+    ("name", "value"), [("Sample_Rate", "1 kg"), ("Sample_Rate", "fast"), ("dt", [1e-3, 1e-3]), ("t0", "noon")]
+)
 def test_an_attribute_that_is_no_number_is_named(tmp_path: Path, name: str, value: object):
     """The file was called damaged."""
     file = tmp_path / "run.h5"
@@ -155,6 +157,49 @@ def test_an_attribute_that_is_no_number_is_named(tmp_path: Path, name: str, valu
     for look in (lambda: hdf5.channels(file), lambda: hdf5.read(file, (spec("p", file=file),), "")):
         with pytest.raises(Refusal, match=f"data set /p: the attribute {name} is .*, expected a number in Hz or s"):
             look()
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("Sample_Rate", "1 kHz"), ("fs", "1000 Hz"), ("fs", "1000"), ("dt", "1 ms")]
+)
+def test_an_attribute_may_state_its_unit(tmp_path: Path, name: str, value: str):
+    file = tmp_path / "run.h5"
+    with h5py.File(file, "w") as store:
+        store["p"] = TIMES % 0.007
+        store["p"].attrs[name] = value
+    assert hdf5.channels(file)[0].sample_rate == pytest.approx(RATE)
+    assert hdf5.read(file, (spec("p", file=file),), "").channels[0].sample_rate == pytest.approx(RATE)
+
+
+@pytest.mark.parametrize(("start", "rate"), [(1_700_000_000_000_000_000, RATE), (0, None)])
+def test_counted_nanoseconds_without_a_unit_are_no_seconds(tmp_path: Path, start: int, rate: float | None):
+    """They were listed at 1e-6 Hz."""
+    file = tmp_path / "run.h5"
+    with h5py.File(file, "w") as store:
+        store["p"] = TIMES % 0.007
+        store["time"] = np.round(TIMES * 1e9).astype("i8") + start
+    (listed,) = hdf5.channels(file)
+    assert (listed.sample_rate, listed.time_channel) == (rate and pytest.approx(rate), "time")
+    assert hdf5.read(file, (spec("p", file=file),), "").channels[0].sample_rate == pytest.approx(RATE)
+
+
+def test_a_link_into_another_file_is_refused_with_that_file(tmp_path: Path):
+    """The samples of the other file would have no checksum, and another data set of that name may be here."""
+    with h5py.File(tmp_path / "part.h5", "w") as store:
+        store["a/q"] = TIMES
+    file = tmp_path / "run.h5"
+    with h5py.File(file, "w") as store:
+        store["p"] = h5py.ExternalLink("part.h5", "a/q")
+    with pytest.raises(Refusal, match=r"'p' is a link to /a/q of another file; .* file = 'part.h5', channel = 'a/q'"):
+        hdf5.read(file, (spec("p", file=file),), "")
+
+
+def test_an_array_of_structs_is_named_with_its_elements(tmp_path: Path):
+    """It said: no variable 'rec', did you mean 'rec'?"""
+    file = tmp_path / "run.mat"
+    savemat(file, {"rec": np.array([(TIMES,), (TIMES,)], dtype=[("p", "O")])})
+    with pytest.raises(Refusal, match=r"'rec' is an array of structs; name one of rec\(1\), rec\(2\) as group"):
+        mat.read(file, (spec("p", "rec", file=file),), "")
 
 
 def test_times_in_a_group_are_those_though_a_channel_above_has_their_name(tmp_path: Path):

@@ -12,6 +12,7 @@ from camtorque.ingest import csv_log, xlsx
 from camtorque.ingest.cells import unwrapped
 from camtorque.ingest.csv_layout import sniff
 from camtorque.ingest.csv_log import channels, read
+from camtorque.ingest.formats import file_format
 from camtorque.ingest.header import header_rate, name_and_unit
 from camtorque.ingest.raw import RawFile
 from camtorque.records import Refusal
@@ -32,6 +33,25 @@ def write(folder: Path, *lines: str, encoding: str = "utf-8") -> Path:
     file = folder / "log.csv"
     file.write_text("\n".join(lines) + "\n", encoding=encoding)
     return file
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ("1.0D-05;1.0D+02;2.0D-01", r"line 2 has '2\.0D-01': write the exponent with E in the place of D"),
+        ("0.1 s;0,1 Nm;700 bar", "line 2 has '700 bar': write the unit once, in the header"),
+    ],
+)
+def test_numbers_that_are_written_otherwise_are_told_how_to_be(tmp_path: Path, row: str, said: str):
+    with pytest.raises(Refusal, match=said):
+        channels(write(tmp_path, "time;torque;pressure", *[row] * ROWS))
+
+
+def test_the_lock_file_of_an_open_workbook_is_no_log(tmp_path: Path):
+    file = tmp_path / "~$run.xlsx"
+    file.write_bytes(b"\x05name" + b" " * 160)
+    with pytest.raises(Refusal, match=r"what Excel keeps beside an open workbook, expected the log; name run\.xlsx"):
+        file_format(file, "")
 
 
 def spec(file: Path, quantity: str, channel: str, unit: str, rate: float = 1.0 / STEP) -> ChannelSpec:

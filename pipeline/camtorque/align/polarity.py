@@ -85,8 +85,9 @@ def check_quantities(
         return {}, ()
     stride = max(1, next(iter(rows.values())).shape[1] // COARSE_GRID)
     repeating = _repeating(next(iter(rows.values())), sound, stride, recording, pulses)
+    ask = _what_to_check(recording, pulses)
     typical = {
-        quantity: _typical(values, sound, stride, recording.of(quantity)[0], repeating)
+        quantity: _typical(values, sound, stride, recording.of(quantity)[0], repeating, ask)
         for quantity, values in rows.items()
     }
     if len(typical) < 2 or recording.lift_table is None:
@@ -173,7 +174,21 @@ def lift_velocity(table: CamTable, n_theta: int) -> Array:
     return np.interp(angle_grid(n_theta), theta, slope, period=TURN)
 
 
-def _typical(rows: Array, sound: Mask, stride: int, channel: Channel, repeating: tuple[Finding, ...]) -> Array:
+def _what_to_check(recording: Recording, pulses: Array) -> str:
+    """Return what to do about channels that do not follow the cam: a wheel of many teeth may be taken for one pulse."""
+    trigger, period = recording.config.trigger, float(np.median(np.diff(pulses)))
+    teeth = round(TURN / period / recording.config.nominal_speed / trigger.revolutions_per_cycle)
+    if trigger.pulses_per_rev > 1 or teeth < 2:
+        return "check the sensor, its cable, the supply and the channel's name"
+    return (
+        f"the pulses come {teeth} times as often as the nominal speed turns the cam: where they are those of a wheel "
+        f"of about {teeth} teeth, write their number as pulses_per_rev under [trigger]"
+    )
+
+
+def _typical(
+    rows: Array, sound: Mask, stride: int, channel: Channel, repeating: tuple[Finding, ...], ask: str
+) -> Array:
     """Return the median of some cycles on a coarser grid; it has to stand out of their scatter."""
     some = rows[spread_choice(sound), ::stride]
     middle = np.median(some, axis=0)
@@ -200,8 +215,7 @@ def _typical(rows: Array, sound: Mask, stride: int, channel: Channel, repeating:
     )
     raise Refusal(
         f"{channel.where}: the {channel.quantity} does not follow the cam: the mean "
-        f"cycle swings by {swing / size:.3g} {unit}, {reason}; check the sensor, its cable, the supply and the "
-        "channel's name"
+        f"cycle swings by {swing / size:.3g} {unit}, {reason}; {ask}"
     )
 
 

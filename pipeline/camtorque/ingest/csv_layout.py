@@ -18,7 +18,9 @@ SNIFF_BYTES = 1 << 18
 BLANK_SEPARATED = re.compile(r"[^\s\[(]\S*(?:\s+[\[(][^\])]*[\])])?|\S+")
 """A name with its unit in brackets, or one word."""
 HEAD_BYTES = 4096
-UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
+MARKS = {b"\xff\xfe\x00\x00": "utf-32-le", b"\x00\x00\xfe\xff": "utf-32-be", b"\xff\xfe": "utf-16-le",
+         b"\xfe\xff": "utf-16-be"}  # fmt: skip
+"""How a text of more than one byte a character begins."""
 FRACTIONS = {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "millisecond": 1e-3, "milliseconds": 1e-3}
 """Name or unit of a column behind a stamp in whole seconds that holds their fraction -> seconds."""
 WHOLE = re.compile(r":\d\d( ?[AaPp][Mm])?$")
@@ -120,7 +122,7 @@ class CsvLayout:
 
 def sniff(path: Path, wanted: tuple[str, ...]) -> CsvLayout:
     """Find out the layout of a file; ``wanted`` are names that one header line has to hold."""
-    # UTF-16 comes out at half its size, and without its mark
+    # UTF-16 and 32 come out smaller, and without its mark
     head = b"".join(islice(text_pieces(path, SNIFF_BYTES), 3))[:SNIFF_BYTES]
     encoding = encoding_of(head)
     raw_lines = head.split(b"\n")
@@ -179,9 +181,9 @@ def _header_fields(line: str, separator: str, n_columns: int) -> list[str]:
 
 
 def text_pieces(path: Path, size: int) -> Iterator[bytes]:
-    """Yield a text file in pieces of about ``size`` bytes; UTF-16 comes out as UTF-8."""
+    """Yield a text file in pieces of about ``size`` bytes; UTF-16 and 32 come out as UTF-8."""
     with path.open("rb") as file:
-        wide = utf16(file.read(HEAD_BYTES))
+        wide = wide_codec(file.read(HEAD_BYTES))
         file.seek(0)
         if not wide:
             while piece := file.read(size):
@@ -192,10 +194,10 @@ def text_pieces(path: Path, size: int) -> Iterator[bytes]:
             yield decoder.decode(piece).lstrip("\ufeff").encode("utf-8")
 
 
-def utf16(head: bytes) -> str:
-    """Return the name of the UTF-16 codec of a text, "" where it is another: by its mark, or zeros in every second."""
-    if head.startswith(UTF16_MARKS):
-        return "utf-16-le" if head.startswith(b"\xff\xfe") else "utf-16-be"
+def wide_codec(head: bytes) -> str:
+    """Return the codec of a text of two or four bytes a character: by its mark, or every second zero; "" for others."""
+    if marked := next((codec for mark, codec in MARKS.items() if head.startswith(mark)), ""):
+        return marked
     if len(head) >= 8 and not any(head[1:64:2]) and all(head[0:64:2]):
         return "utf-16-le"
     return "utf-16-be" if len(head) >= 8 and not any(head[0:64:2]) and all(head[1:64:2]) else ""

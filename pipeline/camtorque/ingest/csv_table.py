@@ -20,6 +20,11 @@ MANY_ROWS = 0.5
 """Share of the lines from which a table of numbers alone needs no look for columns of words."""
 EVEN = 0.1
 """A step that differs from the one before by less than this part goes on evenly."""
+ODD_NUMBERS = {
+    "write the exponent with E in the place of D": re.compile(r"^[+-]?\d*[.,]\d*[dD][+-]?\d+$"),
+    "write the unit once, in the header": re.compile(r"^[+-]?\d+([.,]\d+)?([eE][+-]?\d+)? ?[a-zA-Zµ°%][\w./°³*]*$"),
+}
+"""What to do about numbers as Fortran writes them, and about cells with their unit -> how such a cell looks."""
 SIGN_BLANK = re.compile(r"(?<![^\s,;|\"])([+-]) +(?=[\d.])")
 """A sign and blanks before a number, as some loggers write columns of one width."""
 NAMES = {";": "semicolon", "\t": "tab", "|": "vertical bar", ",": "comma", " ": "blank"}
@@ -73,7 +78,7 @@ def find_table(path: Path, lines: list[str], has_more: bool) -> Table:
         what = "a header but no row of numbers" if any(line.strip() for line in lines) else "blank lines only"
         if len(lines) == 1 and _best_table(lines[0].split("\r")[:SNIFF_LINES]):
             what = "no line end but CR alone, as a CSV for Macintosh has"
-        what += _odd_field(lines[:SNIFF_LINES])
+        what += _odd_numbers(lines[:SNIFF_LINES]) or _odd_field(lines[:SNIFF_LINES])
         if has_more and len(lines) > 1:
             what += f" in its first {len(lines)} lines, none is looked for below: shorten what stands above the numbers"
         raise Refusal(
@@ -132,6 +137,17 @@ def _number(field: str, decimal: str) -> float:
     """Return a number, nan for any other field."""
     plain = field.replace(decimal, ".")
     return float(plain) if NUMBER.match(plain) else math.nan
+
+
+def _odd_numbers(lines: list[str]) -> str:
+    """Name the way in which a line's numbers are written where it is none that is read; "" where there is no such."""
+    for number, line in enumerate(lines, start=1):
+        for separator in SEPARATORS[:-1]:
+            fields = list(filter(None, split_row(line, separator)))
+            for ask, pattern in ODD_NUMBERS.items():
+                if len(fields) > 1 and all(pattern.match(field) for field in fields):
+                    return f" (line {number} has {fields[-1][:40]!r}: {ask})"
+    return ""
 
 
 def _odd_field(lines: list[str]) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from camtorque.config import ChannelSpec
 from camtorque.config.absent import no_file, what_is_beside
-from camtorque.ingest.csv_layout import HEAD_BYTES, utf16
+from camtorque.ingest.csv_layout import HEAD_BYTES, wide_codec
 from camtorque.ingest.raw import FileChannel, RawFile
 from camtorque.records import Refusal
 from camtorque.units import did_you_mean
@@ -83,7 +83,7 @@ FORMATS: dict[str, Format] = {
                       lambda head: head.startswith((b"PAR1", b"ARROW1"))),
     "lvm": Format("LabVIEW measurement", (), "lvm", lambda head: head.startswith(b"LabVIEW Measurement")),
     "csv": Format("CSV or ASCII text", ("ascii", "txt"), "csv_log",
-                  lambda head: b"\x00" not in head or bool(utf16(head))),
+                  lambda head: b"\x00" not in head or bool(wide_codec(head))),
 }  # fmt: skip
 """Name of a format -> how it is recognised and what reads it; the first that fits a file's beginning is its format."""
 LINE_BY_LINE = ("csv", "lvm")
@@ -100,6 +100,7 @@ UNREADABLE = {
 """Formats that are known, not read."""
 PACKED = ("gzip", "a zip archive")
 """Of these, what only has to be unpacked."""
+LOCK_FILE = "~$"
 POINTERS = (b"version https://git-lfs", b"/annex/objects/")
 """How what stands in the place of a large file begins, in a copy of a repository without its large files."""
 ALIASES = {word: name for name, form in FORMATS.items() for word in (name, *form.aliases)}
@@ -152,6 +153,8 @@ def file_format(path: Path, declared: str, used: Collection[Path] = ()) -> str:
 
 def first_bytes(path: Path, used: Collection[Path] = ()) -> bytes:
     """Return the first bytes of a log, which has to be there and hold something; ``used`` as for `file_format`."""
+    if path.name.startswith(LOCK_FILE):
+        raise Refusal(f"{path}: found what Excel keeps beside an open workbook, expected the log; name {path.name[2:]}")
     try:
         if not path.is_file():
             raise Refusal(

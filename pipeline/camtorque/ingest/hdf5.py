@@ -24,7 +24,7 @@ from camtorque.ingest.header import column_number, numbered_name
 from camtorque.ingest.raw import CallSource, FileChannel, RawFile, refuse_bomb, refusing
 from camtorque.ingest.stored import Stored, listing_of, read_stored
 from camtorque.records import Finding, Refusal
-from camtorque.units import did_you_mean
+from camtorque.units import did_you_mean, unit_factor
 
 RATE_NAMES = ("sampleratehz", "samplingratehz", "samplerate", "samplingrate", "samplingfrequency", "samplefrequency",
               "samplingfreq", "ratehz", "fshz", "fs", "abtastrate", "abtastfrequenz", "messrate")  # fmt: skip
@@ -108,8 +108,11 @@ def _stated(path: Path, data: h5py.Dataset, attributes: Mapping[str, Any], names
     """Return the number that an attribute of one of some names states, None where there is none."""
     value = _first(attributes, names)
     try:
-        return None if value is None else float(value)
-    except (TypeError, ValueError):
+        number, _, unit = str(value).strip().partition(" ")
+        kind = "frequency" if names is RATE_NAMES else "time"
+        factor = unit_factor(unit.strip(), kind, data.name) if unit else 1.0
+        return None if value is None else float(number) * factor
+    except (Refusal, ValueError):
         named = ", ".join(name for name in attributes if plain(name) in names)
         raise Refusal(
             f"{path}: data set {data.name}: the attribute {named} is {value!r:.40}, expected a number in Hz or s; "
@@ -192,6 +195,11 @@ def _find(file: h5py.File, path: Path, group: str, name: str) -> tuple[h5py.Data
             f"{path}: {group!r} has no column {name!r}{did_you_mean(name, columns)}; there are {held or 'none'}"
         )
     item = file.get(key)
+    if isinstance(item, h5py.Dataset) and item.file.id != file.id:
+        raise Refusal(
+            f"{path}: {key!r} is a link to {item.name} of another file; name that one in recording.toml: "
+            f"file = {Path(item.file.filename).name!r}, channel = {item.name.lstrip('/')!r}"
+        )
     if isinstance(item, h5py.Dataset):
         return item, ""
     names = _data_sets(file)

@@ -133,12 +133,7 @@ def _listed_rate(path: Path, layout: CsvLayout, times: SampleSource, column: int
     unit = "" if stamped or not is_known_unit(layout.units[column]) else layout.units[column]
     if unit or stamped:
         return usual_rate(times, time_unit_of(path, layout, column))
-    start = float(times.read(0, 1)[0])
-    epoch = next((factor for factor in (1.0, 1e-3, 1e-6, 1e-9) if date_of(start * factor) is not None), 0.0)
-    rate = usual_rate(times, epoch or 1.0)
-    if not epoch and not (rate and SECONDS[0] <= rate <= SECONDS[1]):
-        return layout.header_rate  # seconds or milliseconds: the header, or a person, has to say
-    return rate
+    return rate_of_times(times, "") or layout.header_rate
 
 
 def time_unit_of(path: Path, layout: CsvLayout, column: int) -> float:
@@ -159,9 +154,8 @@ def with_times(found: list[FileChannel]) -> tuple[FileChannel, ...]:
     for item in (item for item in found if id(item) not in taken):
         time = own.get((item.group, item.name)) or times.get((item.group, item.n_samples))
         if item.sample_rate is None and time is not None:
-            unit = time_unit(time.name, _unit_of_times(time))
-            factor = unit_factor(unit, "time", f"{time.name} unit") if unit else 1.0
-            item = replace(item, sample_rate=usual_rate(time.source, factor), time_channel=time.name)
+            rate = rate_of_times(time.source, time_unit(time.name, _unit_of_times(time)), time.name)
+            item = replace(item, sample_rate=rate, time_channel=time.name)
         listed_channels.append(item)
     return tuple(listed_channels)
 
@@ -169,6 +163,16 @@ def with_times(found: list[FileChannel]) -> tuple[FileChannel, ...]:
 def _unit_of_times(item: FileChannel) -> str:
     """Return the unit of a time channel, "" for one of another quantity: its group states that of what was measured."""
     return "" if is_known_unit(item.unit) and tidy_unit(item.unit) not in UNITS["time"] else item.unit
+
+
+def rate_of_times(times: SampleSource, unit: str, name: str = "") -> float | None:
+    """Return the rate that times tell; None where they state no unit and may be milliseconds: a person has to say."""
+    if unit:
+        return usual_rate(times, unit_factor(unit, "time", f"{name} unit"))
+    start = float(times.read(0, 1)[0])
+    epoch = next((factor for factor in (1.0, 1e-3, 1e-6, 1e-9) if date_of(start * factor) is not None), 0.0)
+    rate = usual_rate(times, epoch or 1.0)
+    return rate if epoch or (rate and SECONDS[0] <= rate <= SECONDS[1]) else None
 
 
 def usual_rate(times: SampleSource, to_seconds: float = 1.0) -> float | None:

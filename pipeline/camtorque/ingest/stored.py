@@ -20,11 +20,11 @@ from camtorque.config import ChannelSpec
 from camtorque.config.tables import Problems
 from camtorque.ingest.columns import times_beside
 from camtorque.ingest.header import time_unit
-from camtorque.ingest.listing import usual_rate, with_times
+from camtorque.ingest.listing import rate_of_times, with_times
 from camtorque.ingest.raw import FileChannel, RawChannel, RawFile, missing_samples, refuse_other_unit, refusing
 from camtorque.ingest.stamps import Stamps, agreed_rate, break_findings
 from camtorque.records import Array, Finding, Refusal, SampleSource
-from camtorque.units import did_you_mean, first_of, unit_factor
+from camtorque.units import did_you_mean, first_of
 
 LEAST_PAUSE = 0.05
 """Dates that leave the time of the samples before by less are those of a loop that reads blocks [s]."""
@@ -101,7 +101,7 @@ def listing_of(items: Iterable[Stored]) -> tuple[FileChannel, ...]:
 
 def _listed_rate(item: Stored) -> float | None:
     if item.rate is None and item.times is not None:
-        return usual_rate(item.times, unit_factor(item.times_unit, "time", item.name) if item.times_unit else 1.0)
+        return rate_of_times(item.times, item.times_unit, item.name)
     return item.rate if item.rate is not None and 0.0 < item.rate < math.inf else None
 
 

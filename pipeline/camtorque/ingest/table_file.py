@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from camtorque.config.absent import no_file, what_is_beside
-from camtorque.ingest.csv_layout import HEAD_BYTES, utf16
+from camtorque.ingest.csv_layout import HEAD_BYTES, wide_codec
 from camtorque.ingest.csv_table import grouped, split_row
 from camtorque.ingest.formats import UNREADABLE, ZIP_MAGIC
 from camtorque.ingest.header import is_number, name_and_unit
@@ -144,7 +144,7 @@ def _text(path: Path) -> str:
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return data.decode("utf-16" if utf16(data[:HEAD_BYTES]) else "latin-1", errors="replace")
+        return data.decode(wide_codec(data[:HEAD_BYTES]) or "latin-1", errors="replace").lstrip("\ufeff")
 
 
 def _numbers(path: Path, number: int, fields: list[str], expected: int) -> list[float]:

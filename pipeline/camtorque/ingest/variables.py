@@ -121,6 +121,10 @@ def _numbers(path: Path, members: Members, place: tuple[str, str], names: tuple[
         if fields:
             hint = did_you_mean(name, fields)
             raise Refusal(f"{path}: struct {group!r} has no field {name!r}{hint}; there are {', '.join(fields)}")
+        array_of = [other for other, _ in members if other.startswith(f"{group}(")] if group else []
+        if array_of:
+            shown = ", ".join(dict.fromkeys(array_of))
+            raise Refusal(f"{path}: {group!r} is an array of structs; name one of {shown} as group")
         hint = did_you_mean(group or name, names)
         raise Refusal(f"{path}: no variable {group or name!r}{hint}; there are {', '.join(names) or 'none'}")
     if array.dtype.kind not in hdf5.KINDS or array.size != max(array.shape, default=0) or not array.size:
