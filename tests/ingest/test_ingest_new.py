@@ -255,6 +255,23 @@ def test_the_trigger_of_another_wheel_is_not_taken_over(tmp_path: Path, capsys: 
     assert json.loads(capsys.readouterr().out)["unknown"] == []
 
 
+def test_one_pulse_of_the_other_recording_is_no_wheel_of_many(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """The speed alone was asked for, and the torque said not to follow a cam of 450 000 rpm."""
+    args = ["new", str(log_with_wheel(tmp_path, 400, 0)), "--like", str(EXAMPLES / "A_1000rpm"), "--json"]
+    assert cli.main(args) == 0
+    assert json.loads(capsys.readouterr().out)["unknown"] == ["nominal_speed_rpm", "pulses_per_rev"]
+    assert "its pulses_per_rev is not taken over" in (tmp_path / "recording.toml").read_text()
+
+
+def test_newton_metres_in_small_letters_are_asked_for_and_no_nanometres(tmp_path: Path):
+    """torque_nm became a needle lift, and nothing was unknown."""
+    file = tmp_path / "log.csv"
+    rows = (f"{n * 5e-5:.5f},{50.0 * np.sin(0.01 * n):.3f},{n % 97}" for n in range(2000))
+    file.write_text("\n".join(("time_s,torque_nm,pressure_bar", *rows)) + "\n", encoding="utf-8")
+    torque, pressure = look_into([file])
+    assert (torque.quantity, torque.unit, pressure.unit) == ("torque", "", "bar")
+
+
 @pytest.mark.parametrize(("text", "match"), [
     ("pump = 3", "pump: found 3, expected a table .pump."),
     ("[sensors]\ntorque = 1", "torque: found 1, expected a table .sensors.torque."),

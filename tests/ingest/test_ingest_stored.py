@@ -194,6 +194,45 @@ def test_a_link_into_another_file_is_refused_with_that_file(tmp_path: Path):
         hdf5.read(file, (spec("p", file=file),), "")
 
 
+def test_a_file_of_links_alone_is_told_where_they_lead(tmp_path: Path):
+    file = tmp_path / "run.h5"
+    with h5py.File(file, "w") as store:
+        store["a/p"] = h5py.ExternalLink("part.h5", "p")
+    with pytest.raises(Refusal, match=r"it has links to part\.h5: name such a file in its place"):
+        hdf5.channels(file)
+
+
+def test_times_since_a_day_are_in_the_unit_before_it(tmp_path: Path):
+    """As netCDF has them by the conventions (CF)."""
+    file = tmp_path / "run.h5"
+    with h5py.File(file, "w") as store:
+        store["p"], store["time"] = TIMES % 0.007, np.round(TIMES * 1e6)
+        store["time"].attrs["units"] = "us since 2026-01-01"
+    assert hdf5.channels(file)[0].sample_rate == pytest.approx(RATE)
+    assert hdf5.read(file, (spec("p", file=file),), "").channels[0].sample_rate == pytest.approx(RATE)
+
+
+def test_stamps_beside_a_tdms_channel_are_its_times(tmp_path: Path):
+    file = tmp_path / "run.tdms"
+    stamps = np.datetime64("2026-03-12T09:00:00", "us") + np.round(TIMES * 1e6).astype("m8[us]")
+    with TdmsWriter(file) as writer:
+        writer.write_segment([ChannelObject("Log", "Time", stamps), ChannelObject("Log", "p", TIMES % 0.007)])
+    (listed,) = tdms.channels(file)
+    assert (listed.name, listed.sample_rate, listed.time_channel) == ("p", pytest.approx(RATE), "Time")
+    (channel,) = tdms.read(file, (spec("p", "Log", file=file),), "").channels
+    assert channel.sample_rate == pytest.approx(RATE)
+    assert channel.stamp == pytest.approx(1773306000.0)
+
+
+def test_an_element_of_an_array_of_structs_is_a_group(tmp_path: Path):
+    """`new` listed rec(2), and what it wrote was refused: no variable 'rec(2)'."""
+    file = tmp_path / "run.mat"
+    savemat(file, {"rec": np.array([(TIMES, RATE), (2.0 * TIMES, RATE)], dtype=[("p", "O"), ("fs", "O")])})
+    assert [item.group for item in mat.channels(file)] == ["rec(1)", "rec(2)"]
+    (channel,) = mat.read(file, (spec("p", "rec(2)", file=file),), "").channels
+    np.testing.assert_array_equal(channel.source.read(0, 400), 2.0 * TIMES)
+
+
 def test_an_array_of_structs_is_named_with_its_elements(tmp_path: Path):
     """It said: no variable 'rec', did you mean 'rec'?"""
     file = tmp_path / "run.mat"

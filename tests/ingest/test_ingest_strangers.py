@@ -166,6 +166,45 @@ def test_points_or_commas_between_thousands(tmp_path: Path, german: bool, digits
     assert_read(read(file, specs, ""), "csv_thousands", torque=1e3 * TORQUE, pressure=np.round(1e2 * PRESSURE))
 
 
+def test_thousands_that_begin_below_the_lines_that_tell_the_layout(tmp_path: Path):
+    """Times from 1,000.00 ms on were taken for a footer, pressures from 1,000.0 psi on for damage."""
+    count = 30_000
+    value = np.where(np.arange(count) < 25_000, 900.0, 1366.5)
+    lines = (f"{50e-3 * n:,.2f};{value[n]:,.1f}" for n in range(count))
+    file = write(tmp_path, "Time [ms];p [psi]", *lines)
+    raw = read(file, (spec(file, "pressure", "p", "psi"),), "")
+    np.testing.assert_array_equal(raw.channels[0].source.read(0, count), value)
+    assert [item.code for item in raw.findings] == ["csv_thousands"]
+    assert channels(file)[0].n_samples == count
+
+
+@pytest.mark.parametrize("german", [False, True])
+def test_a_point_in_one_column_tells_the_comma_of_another(tmp_path: Path, german: bool):
+    """28.54 N m beside 65,808 kPa were 28.54 and 65.808."""
+    lines = [f"{STEP * n:.5f};{a:.2f};{100 * b:,.0f}" for n, a, b in zip(range(ROWS), TORQUE, PRESSURE, strict=True)]
+    lines = [line.translate(str.maketrans(",.", ".,")) for line in lines] if german else lines
+    file = write(tmp_path, "Time [s];Torque [Nm];Pressure [kPa]", *lines)
+    raw = read(file, (spec(file, "torque", "Torque", "N m"), spec(file, "pressure", "Pressure", "kPa")), "")
+    assert_read(raw, "csv_thousands", torque=TORQUE, pressure=np.round(100 * PRESSURE))
+
+
+def test_a_row_of_groups_above_the_names_hides_no_column(tmp_path: Path):
+    """Pressure stood below an empty cell of the row that was taken for the names, and was dropped without a word."""
+    head = ("Zeit;Kraftseite;;Geber", ";Drehmoment;Druck;", "s;Nm;bar;V")
+    file = write(tmp_path, *head, *(f"{row};{n % 7}" for n, row in enumerate(rows(";"))))
+    assert [item.name for item in channels(file)] == ["Kraftseite", "Druck", "Geber"]
+    assert [item.unit for item in channels(file)] == ["Nm", "bar", "V"]
+    raw = read(file, (spec(file, "torque", "Kraftseite", "N m"), spec(file, "pressure", "Druck", "bar")), "")
+    assert_read(raw, torque=TORQUE, pressure=PRESSURE)
+
+
+def test_units_in_capitals_are_read_as_they_are_listed(tmp_path: Path):
+    file = write(tmp_path, "TIME [S],TORQUE [NM],P [BAR]", *rows())
+    assert [item.sample_rate for item in channels(file)] == [pytest.approx(1.0 / STEP)] * 2
+    raw = read(file, (spec(file, "torque", "TORQUE", "N m"), spec(file, "pressure", "P", "bar")), "")
+    assert_read(raw, torque=TORQUE, pressure=PRESSURE)
+
+
 def test_three_decimals_are_no_thousands(tmp_path: Path):
     body = [f"{n};{a + 70.0:.3f};{b:.3f}" for n, (a, b) in enumerate(zip(TORQUE, PRESSURE, strict=True))]
     file = write(tmp_path, "Sample rate: 20000 Hz", "no;Torque [Nm];Pressure [bar]", *body)
@@ -491,7 +530,10 @@ def test_a_line_that_lacks_a_name_names_nothing(tmp_path: Path):
 def test_line_ends_of_old_macintosh_are_named(tmp_path: Path, repeat: int):
     file = tmp_path / "log.csv"
     file.write_bytes("\r".join(["Time,Torque,Pressure", "s,N m,bar", *rows() * repeat]).encode())
-    with pytest.raises(Refusal, match="holds no line end but CR alone, as a CSV for Macintosh has; expected columns"):
+    with pytest.raises(
+        Refusal,
+        match="holds no line end but CR alone, as a CSV for Macintosh has: export with LF or CR LF; expected columns",
+    ):
         both(file)
 
 

@@ -79,6 +79,14 @@ def test_a_gain_is_said_to_be_no_part_of_the_pump() -> None:
     assert compare_answer(times).startswith("The torque after is 1.1 times that before all around the revolution")
 
 
+def test_that_most_probably_nothing_changed_stands_in_the_headline() -> None:
+    """Of two copies of one recording it said: no change is established."""
+    doc = {**document(), "verdict": "cannot tell", "changed": [], "events": [{"groups": [], "probability": 0.98}]}
+    assert "Most probably nothing changed (98 %)" in compare_answer(doc)
+    other = {**doc, "events": [{"groups": ["spring"], "probability": 0.6}]}
+    assert "nothing changed" not in compare_answer(other)
+
+
 def test_triggers_that_are_declared_differently_are_told_once_and_as_no_change() -> None:
     sheets = ["[trigger] source is pulses in A, a recorded angle in B", "[trigger] edge is falling in A, rising in B"]
     (caution,) = compare_cautions({**document(), "sheets_differ": sheets})

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from camtorque.fit.residual import metrics, parts_of_gap
 from camtorque.fit.uncertainty import BudgetRow
-from camtorque.records import Refusal
+from camtorque.records import Finding, Refusal
 from camtorque.report import page
 from camtorque.report.alignment import write_alignment
 from camtorque.report.bundle import CampaignEntry, CampaignResult
@@ -246,6 +246,10 @@ def test_alignment_page(tmp_path: Path) -> None:
     page = (tmp_path / "align.html").read_text(encoding="utf-8")
     assert NASTY not in page
     assert "0.23 µs on a drive of 0.08 kg m²" in page
+    assert '<div class="verdict good">' in page
+    wrong = replace(result.cycles, findings=(Finding("several_strokes", "error", "the lift rises once", ""),))
+    write_alignment(result.recording, wrong, result.created, tmp_path)
+    assert '<div class="verdict look">' in (tmp_path / "align.html").read_text(encoding="utf-8")
     assert "fitted" not in page.split("<main>")[1].split("Provenance")[0]
     with h5py.File(tmp_path / "aligned.h5") as file:
         assert "model" not in file

@@ -52,6 +52,8 @@ MOST_OFF = Threshold(
     300.0, "1", "convention",
     "Factor between told and nominal speed from which it is refused: below kHz for Hz, above minutes for seconds.",
 )  # fmt: skip
+MISSING_SAMPLES = ("csv_rows_damaged", "csv_cells_damaged", "csv_overrange")
+"""Findings of reading that tell why samples are missing."""
 LEAD_CYCLES = Count(
     64, "cycles", "convention", "Cycles, spread over the recording, whose angle between pulses says how the cam leads."
 )
@@ -78,6 +80,7 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     complete = turns.covered((channels.main or channels.other).values())
     aligned = align_channels(channels.main, turns, complete)
     table = _table(turns, complete, aligned, base)
+    _refuse_speed(recording, float(np.median(table.speed)) / RPM)
     rows = {quantity: item.rows for quantity, item in aligned.items()}
     typical, checked = check_quantities(rows, table.undamaged, recording, base.train.time)
     findings = (*checked, *check_flanks(typical, recording, float(np.median(table.speed))))
@@ -93,7 +96,6 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     silent = silence_findings(base, channels.main)
     base = replace(base, findings=(*base.findings, *silent, *findings, *running, *untied))
     found = _cam_cycles(recording, table, used, cut_flow, {**aligned, **others}, base, angle, lags.wander)
-    _refuse_speed(recording, found.mean_speed / RPM)
     cut_off = flat_top_findings(found.mean_torque) if found.torque is not None else ()
     return _at_rest(recording, replace(found, findings=(*found.findings, *_rare(found), *cut_off)))
 
@@ -126,9 +128,10 @@ def _none_used(recording: Recording, n_complete: int, cut_flow: tuple[CutFlowRow
         return Refusal(f"{recording.config.id}: {apart}")
     failed = sorted((row for row in cut_flow if row.cycles_single), key=lambda row: -row.cycles_single)
     counts = ", ".join(f"{row.reason!r} ({row.cycles_single}: {row.text})" for row in failed)
+    lost = "".join(f"; {row.where}: {row.text}" for row in recording.findings if row.code in MISSING_SAMPLES)
     return Refusal(
         f"{recording.config.id}: none of {n_complete} complete cycles can be used, expected at least one; most fail "
-        f"{counts}; put that right at the rig or in the export of the log, and record or export it again"
+        f"{counts}{lost}; put that right at the rig or in the export of the log, and record or export it again"
     )
 
 

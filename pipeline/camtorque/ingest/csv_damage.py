@@ -20,6 +20,7 @@ class Damage:
     ----------
     renamed : line that names the columns anew, 0 for none; nothing is wrong unless rows follow
     reordered : line of a header that is another one, or in another order, and has rows below
+    parting : sign between thousands of a cell, "" where none has one
     """
 
     rows: array[int] = field(default_factory=lambda: array("q"))
@@ -28,6 +29,7 @@ class Damage:
     headers: int = 0
     renamed: int = 0
     reordered: int = 0
+    parting: str = ""
 
     def end_at(self, line: int) -> None:
         """Forget what lies below a line: no part of the table."""

@@ -11,7 +11,7 @@ import math
 import tempfile
 import weakref
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import BinaryIO
@@ -66,17 +66,14 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
 
 def read_table(path: Path, layout: CsvLayout, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     """Read columns of a text file whose layout is known."""
-    places, damage = columns_of(path, layout, specs), Damage()
+    places = columns_of(path, layout, specs)
     times = {time for _, time in places if time is not None}
     beside = {part[0] for time in times if (part := layout.fraction_of(time))}
     with refusing(path, "CSV"):
-        sources, tail = _columns(
-            path, layout, sorted({*(column for column, _ in places), *times, *beside}), times, damage
-        )
-    sources = _with_fractions(layout, sources, times)
-    result = raw_file(path, layout, sources, specs)
-    notes = layout_findings(layout, hint, path.name)
-    return RawFile(result.channels, (*notes, *damage_findings(damage, path.name), *tail, *result.findings))
+        table = _parsed(path, layout, sorted({*(column for column, _ in places), *times, *beside}), times)
+    result = raw_file(path, layout, _with_fractions(layout, table.sources, times), specs)
+    notes = layout_findings(table.layout, hint, path.name)
+    return RawFile(result.channels, (*notes, *table.findings, *result.findings))
 
 
 def channels(path: Path) -> tuple[FileChannel, ...]:
@@ -89,8 +86,8 @@ def channels_of(path: Path, layout: CsvLayout) -> tuple[FileChannel, ...]:
     every = [column for column in range(layout.n_columns) if column not in layout.words]
     times = {time for column in every if (time := layout.time_column("", (), column)) is not None}
     with refusing(path, "CSV"):
-        sources, _ = _columns(path, layout, every, times, Damage())
-    return listed(path, layout, _with_fractions(layout, sources, times))
+        table = _parsed(path, layout, every, times)
+    return listed(path, layout, _with_fractions(layout, table.sources, times))
 
 
 def _with_fractions(layout: CsvLayout, sources: Mapping[int, SampleSource], times: set[int]) -> dict[int, SampleSource]:
@@ -105,6 +102,24 @@ def _with_fractions(layout: CsvLayout, sources: Mapping[int, SampleSource], time
 
 def _with_part(unit: float, whole: Array, part: Array) -> Array:
     return whole + unit * part
+
+
+@dataclass(frozen=True)
+class Parsed:
+    """Columns of a text, by number, as its layout turned out to be, and what is wrong with rows and cells."""
+
+    sources: dict[int, SampleSource]
+    layout: CsvLayout
+    findings: tuple[Finding, ...]
+
+
+def _parsed(path: Path, layout: CsvLayout, wanted: list[int], times: set[int]) -> Parsed:
+    """Parse the wanted columns, once more where a number below the lines that told the layout has thousands parted."""
+    damage = Damage()
+    sources, tail = _columns(path, layout, wanted, times, damage)
+    if damage.parting:
+        return _parsed(path, replace(layout, thousands=damage.parting), wanted, times)
+    return Parsed(sources, layout, (*damage_findings(damage, path.name), *tail))
 
 
 def _columns(
@@ -278,4 +293,7 @@ def _cell(text: str, layout: CsvLayout, column: int, damage: Damage, line: int) 
         damage.overrange += plain.lower() not in MISSING and plain.lower() != "nan"
     else:
         damage.cells.append(line)
+        other = "," if layout.decimal == "." else "."
+        if not layout.thousands and layout.decimal in text and THOUSANDS[other].match(text):
+            damage.parting = other
     return np.nan

@@ -77,9 +77,10 @@ def find_table(path: Path, lines: list[str], has_more: bool) -> Table:
     if found is None:
         what = "a header but no row of numbers" if any(line.strip() for line in lines) else "blank lines only"
         if len(lines) == 1 and _best_table(lines[0].split("\r")[:SNIFF_LINES]):
-            what = "no line end but CR alone, as a CSV for Macintosh has"
-        what += _odd_numbers(lines[:SNIFF_LINES]) or _odd_field(lines[:SNIFF_LINES])
-        if has_more and len(lines) > 1:
+            what = "no line end but CR alone, as a CSV for Macintosh has: export with LF or CR LF"
+        if odd := _odd_numbers(lines[:SNIFF_LINES]) or _odd_field(lines[:SNIFF_LINES]):
+            what += odd
+        elif has_more and len(lines) > 1:
             what += f" in its first {len(lines)} lines, none is looked for below: shorten what stands above the numbers"
         raise Refusal(
             f"{path}: holds {what}; expected columns of numbers separated by one of {', '.join(NAMES.values())}"
@@ -142,11 +143,12 @@ def _number(field: str, decimal: str) -> float:
 def _odd_numbers(lines: list[str]) -> str:
     """Name the way in which a line's numbers are written where it is none that is read; "" where there is no such."""
     for number, line in enumerate(lines, start=1):
-        for separator in SEPARATORS[:-1]:
+        for separator in SEPARATORS:
             fields = list(filter(None, split_row(line, separator)))
             for ask, pattern in ODD_NUMBERS.items():
-                if len(fields) > 1 and all(pattern.match(field) for field in fields):
-                    return f" (line {number} has {fields[-1][:40]!r}: {ask})"
+                odd = [field for field in fields if pattern.match(field)]
+                if len(odd) > 1 and all(field in odd or is_stamp(field) for field in fields):
+                    return f" (line {number} has {odd[-1][:40]!r}: {ask})"
     return ""
 
 
@@ -163,10 +165,18 @@ def _odd_field(lines: list[str]) -> str:
 
 
 def grouped(rows: list[list[str]], sign: str = ".") -> bool:
-    """Tell points that part thousands: all stand before three digits, and a column holds numbers without one, too."""
-    parted, shown = [field for row in rows for field in row if sign in field], THOUSANDS[sign].match
-    if not parted or not all(shown(field) or is_stamp(field) for field in parted):
+    """Tell points that part thousands: all stand before three digits, and numbers without one show that they are none.
+
+    They do where they stand in the same column, or where a comma in another one stands as none between thousands does.
+    """
+    shown = THOUSANDS[sign].match
+    parted = [field for row in rows for field in row if sign in field and not is_stamp(field)]
+    if not parted or not all(map(shown, parted)):
         return False
+    other = "," if sign == "." else "."
+    numbers = (field for row in rows for field in row if other in field and sign not in field and not is_stamp(field))
+    if any(NUMBER.match(field.replace(",", ".")) and not THOUSANDS[other].match(field) for field in numbers):
+        return True
     columns = zip(*(row for row in rows if len(row) == len(rows[0])), strict=True)
     return any(0 < sum(bool(shown(field)) for field in column) < sum(map(bool, column)) for column in columns)
 

@@ -164,6 +164,13 @@ def _kinds(file: h5py.File, names: list[str]) -> str:
     objects = [name for name, item in file.items() if OBJECT_MARK in item.attrs]
     if objects:
         return MATLAB_OBJECT.format(", ".join(objects[:5]))
+    linked: list[str] = []
+    file.visititems_links(lambda _, link: linked.append(link.filename) if isinstance(link, h5py.ExternalLink) else None)
+    if linked and not names:
+        return f"it has links to {', '.join(dict.fromkeys(linked))}: name such a file in its place"
+    refers = [name for name in names if file[name].dtype.kind == "O"]
+    if refers and any(name.startswith("#") for name in names):  # where MATLAB keeps what they refer to
+        return f"{', '.join(refers[:5])}: an array of structs, or of cells; store each channel as a variable of its own"
     shown = ", ".join(f"{name} {file[name].shape}" for name in names[:5]) or "it is empty"
     return f"{shown}; store each channel as a data set of its own, a field of a compound one or a column of a matrix"
 

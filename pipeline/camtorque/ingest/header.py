@@ -105,9 +105,12 @@ def _divides(name: str, unit: str) -> bool:
 
 
 def time_unit(name: str, stated: str = "") -> str:
-    """Return the unit of a time column: the stated one, else the one that ends its name (time_ms), else ""."""
+    """Return the unit of a time column: the stated one, else the one that ends its name (time_ms), else "".
+
+    By the conventions of netCDF (CF) an origin may stand behind it: "ns since 1970-01-01".
+    """
     match = TIME_NAME.match(name)
-    return stated or ((match["unit"] or "").lower() if match else "")
+    return stated.partition(" since ")[0] or ((match["unit"] or "").lower() if match else "")
 
 
 def is_time_name(name: str) -> bool:
@@ -247,6 +250,7 @@ def names_of(
         raise Refusal(f"{path}: no column named {', '.join(map(repr, wanted))}; the header says {shown}")
     pairs = zip(chosen.fields, chosen.plain, strict=True)
     names = tuple(field if field in wanted else name for field, (name, _) in pairs)
+    names = tuple(name or _name_in_another_row(candidates, n) for n, name in enumerate(names))
     units = tuple(unit for _, unit in chosen.plain)
     for row in candidates:
         # a line of units stands below the names
@@ -255,6 +259,11 @@ def names_of(
             units = tuple(field.strip("[]() ") for field in row.fields)
     beyond = tuple(field for field in chosen.beyond if not (STEP_KEY.match(field) or INCREMENT.match(field)))
     return names, tuple("" if unit.lower() in NO_UNITS else unit for unit in units), beyond
+
+
+def _name_in_another_row(rows: list[HeaderRow], column: int) -> str:
+    """Return the name of a column whose own row has none: below a group that several columns share; "" without any."""
+    return next((row.plain[column][0] for row in rows if _is_text(row.fields[column])), "")
 
 
 def _is_text(field: str) -> bool:

@@ -75,9 +75,8 @@ def listed(path: Path, layout: CsvLayout, sources: Mapping[int, SampleSource]) -
         channel(number, source)
         for number, source in sources.items()
         if number not in times
-        and layout.names[number]
         and layout.stamp_kind(number) != "date"
-        and not (COUNTS.match(layout.names[number]) and _rises_evenly(source))
+        and not ((not layout.names[number] or COUNTS.match(layout.names[number])) and _rises_evenly(source))
     )
 
 

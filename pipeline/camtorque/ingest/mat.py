@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Mapping
 from pathlib import Path
@@ -29,8 +30,9 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     if is_hdf5(first_bytes(path)):
         return hdf5.read(path, specs, hint)
     check_mat(path)
-    wanted = {(spec.group or spec.channel).partition(".")[0] for spec in specs}
-    wanted |= {(spec.group or spec.time_channel).partition(".")[0] for spec in specs if spec.time_channel}
+    named = {spec.group or spec.channel for spec in specs}
+    named |= {spec.group or spec.time_channel for spec in specs if spec.time_channel}
+    wanted = {re.split(r"[.(]", name)[0] for name in named}  # rec.Torque and rec(2) lie in the variable rec
     names = _variable_names(path, wanted)
     beside = {name for name in names if is_time_name(name) or is_rate_name(name)}
     with refusing(path, "MATLAB v5"):

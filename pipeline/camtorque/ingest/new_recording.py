@@ -103,6 +103,11 @@ def _write_trigger(
     if taken and _is_other_wheel(known, wheel, named):
         writer.line("# the cam angle of the other recording is told otherwise: its [trigger] is not taken over")
         taken = {}
+    if wheel is not None and 60.0 * wheel.speed > FASTEST and taken.get("pulses_per_rev", 1) == 1:
+        writer.line(
+            "# one pulse a turn, as in the other recording, would be too fast: its pulses_per_rev is not taken over"
+        )
+        taken = {name: value for name, value in taken.items() if name != "pulses_per_rev"}
     writer.table("[trigger]", RECORDING_TABLES["trigger"], {**_wheel(trigger, wheel, named), **taken})
 
 
@@ -236,8 +241,9 @@ def _relative(path: Path, folder: Path) -> str:
 
 def _recording(folder: Path, wheel: Wheel | None) -> dict[str, Any]:
     values: dict[str, Any] = {"id": real_path(folder).name or "recording", "pump_id": UNKNOWN}
-    if wheel is not None and 60.0 * wheel.speed <= FASTEST:
-        values["nominal_speed_rpm"] = round(60.0 * wheel.speed, 1)
+    speed = 0.0 if wheel is None else round(60.0 * wheel.speed, 1)
+    if 0.0 < speed <= FASTEST:
+        values["nominal_speed_rpm"] = speed
     return values
 
 

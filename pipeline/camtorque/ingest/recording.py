@@ -215,7 +215,10 @@ def _channel(
         text = f"values are in {spec.unit!r}; the gain is the logger's"
         findings.append(Finding("already_scaled", "info", text, where))
     if absolute_unit(raw.unit) and calibration is not None and calibration.zero_volts < 0.5 * ATMOSPHERE:
-        text = f'the file says {raw.unit!r}, which counts from vacuum; give reference = "absolute" in its sensor table'
+        text = (
+            f'the file says {raw.unit!r}, which counts from vacuum; give reference = "absolute" in its sensor table, '
+            "or in the sheet that this names"
+        )
         findings.append(Finding("pressure_is_absolute", "warning", text, where))
     if calibration is not None and reference is not None and reference.idle_from is not None:
         calibration = _idle_zero(calibration, reference, raw, scale, where)

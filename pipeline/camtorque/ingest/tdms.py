@@ -34,6 +34,8 @@ INTERLEAVED, BIG_ENDIAN, DAQMX = 1 << 5, 1 << 6, 1 << 7
 MOST_SEGMENTS = 100_000
 """A logger that writes ten times a second makes this many in three hours; reading more takes minutes."""
 UNKNOWN_LENGTH = 0xFFFFFFFFFFFFFFFF
+KINDS = "fiuM"
+"""Numbers, and stamps of time, which are read in seconds since 1970."""
 SCALE_COUNT = "NI_Number_Of_Scales"
 MOST_SCALES = 12
 """A chain of raw count, volts, bridge and unit has four; each may be computed from two others."""
@@ -67,7 +69,7 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
     check_segments(path)
     with refusing(path, "TDMS"), TdmsFile.open(path) as file:
         held = [channel for group in file.groups() for channel in group.channels()]
-        numbers = [channel for channel in held if len(channel) and channel.dtype.kind in "fiu"]
+        numbers = [channel for channel in held if len(channel) and channel.dtype.kind in KINDS]
         return listing_of([_stored(file, path, channel, {}) for channel in numbers])
 
 
@@ -86,6 +88,8 @@ def _stored(file: TdmsFile, path: Path, channel: TdmsChannel, begun: Mapping[str
 
 
 def _unit(channel: TdmsChannel) -> str:
+    if channel.dtype.kind == "M":
+        return "s"
     return str(channel.properties.get("unit_string", channel.properties.get("NI_UnitDescription", "")))
 
 
@@ -162,7 +166,7 @@ def _dates(file: TdmsFile, channel: TdmsChannel, begun: list[tuple[int, float]])
 
 def _time_beside(file: TdmsFile, channel: TdmsChannel, path: Path, taken: Container[str]) -> str:
     group = file[channel.group_name]
-    same = [item.name for item in group.channels() if len(item) == len(channel) and item.dtype.kind in "fiu"]
+    same = [item.name for item in group.channels() if len(item) == len(channel) and item.dtype.kind in KINDS]
     return time_beside(same, taken, lambda name: _source(file, group[name], path))
 
 
@@ -182,7 +186,8 @@ def _source(file: TdmsFile, channel: TdmsChannel, path: Path) -> SampleSource:
 
         def by_library(start: int, stop: int) -> np.ndarray:
             with TdmsFile.open(path) as again:
-                return again[channel.group_name][channel.name].read_data(start, stop - start)
+                samples = again[channel.group_name][channel.name].read_data(start, stop - start)
+            return samples.astype("M8[ns]").astype(np.int64) * 1e-9 if samples.dtype.kind == "M" else samples
 
         return CallSource(len(channel), by_library, path, "TDMS")
     # the library's scales expect an object with the raw values in .data

@@ -46,6 +46,7 @@ EVENTS: dict[str, str] = {
     "pressure_gain": "gain of the pressure sensor (amplifier, range, scaling)",
 }
 """Event -> its name for somebody at the rig."""
+NOTHING = "nothing changed"
 SENSORS = {TORQUE_GAIN: "torque transducer", PRESSURE_GAIN: "pressure sensor"}
 """Gain -> the sensor whose it is."""
 UNEXPLAINED_DIFFERENCE = 2.0
@@ -118,13 +119,22 @@ def compare_answer(document: Mapping[str, Any]) -> str:
     text = {
         "changed": f"{told}." if told else "",
         "not changed": "no loss and no parameter moved by more than the smallest change that would have been seen.",
-        "cannot tell": "no change of the pump is established; load, end of delivery and zero are each recording's own.",
+        "cannot tell": "no change of the pump is established; load, end of delivery and zero are each recording's own."
+        + _nothing_first(document),
     }[document["verdict"]]
     first = " ".join(filter(None, (text, sensor)))
     return (
         f"{first} The mean torque differs by {significant(torque['rms_difference_nm'], 2)} N m RMS, "
         f"{significant(torque['max_difference_nm'], 2)} N m at most"
         f"{repeat if torque['odd_even_rms_nm'] is not None else ''}."
+    )
+
+
+def _nothing_first(document: Mapping[str, Any]) -> str:
+    """Return that nothing is what most probably happened, where it is; a small change is not excluded by that."""
+    (event, probability), *_ = compare_events(document) or [("", "")]
+    return f" Most probably nothing changed ({probability}); how small a change would have been seen stands below." * (
+        event == NOTHING
     )
 
 
@@ -216,7 +226,7 @@ def left_out(document: Mapping[str, Any]) -> tuple[str, ...]:
 def compare_events(document: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return what may have happened, in words, with its probability, the most probable first."""
     return [
-        (in_a_row([EVENTS[name] for name in row["groups"]]) or "nothing changed", percent(row["probability"]))
+        (in_a_row([EVENTS[name] for name in row["groups"]]) or NOTHING, percent(row["probability"]))
         for row in document.get("events", ())
     ]
 
