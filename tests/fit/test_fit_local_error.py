@@ -41,8 +41,9 @@ def test_a_burst_weighs_less_about_itself_alone() -> None:
     residual = np.zeros(BINS)
     residual[100:110] = 10.0
     factor = local_factor(residual)
-    assert np.all(factor[100 - REACH : 110 + REACH] > 5.0)
-    assert np.all(factor[110 + REACH :] == 1.0)
+    reach = round(REACH * BINS)
+    assert np.all(factor[100 - reach : 110 + reach] > 5.0)
+    assert np.all(factor[110 + reach :] == 1.0)
 
 
 def test_a_fit_that_leaves_no_more_than_expected_is_left_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:

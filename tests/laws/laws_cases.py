@@ -72,7 +72,7 @@ def start_values(end: str = "land") -> dict[str, float]:
 
 def refined(data: ChainInput, values: dict[str, float]) -> ChainInput:
     """Return the cycle with the fine time steps that the fit uses."""
-    return chain_input(n=data.theta.size, substeps=with_substeps(data, evaluate(data, values), values))
+    return chain_input(n=data.theta.size, bins=data.bins, substeps=with_substeps(data, evaluate(data, values), values))
 
 
 def total_torque(data: ChainInput, values: dict[str, float]) -> np.ndarray:

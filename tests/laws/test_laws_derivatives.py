@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from camtorque.laws import LINEAR_NAMES, ON_BRIDGE, ON_CONTACT, ROWS, chamber
 from camtorque.laws.chain import (
+    BINS,
     NONLINEAR_NAMES,
     ON_CAM,
     SENSOR_NAMES,
@@ -284,6 +285,21 @@ def path_tangent(data, lift):
     """Return tan phi of the contact, (n,)."""
     pump = data.constants
     return path_at(*lift[:3], pump.base, pump.offset, pump.radius)[1]
+
+
+def test_twice_the_bins_hold_the_same_torque_and_derivatives():
+    """What a slow bench's shaft asks for (decision 0185); between, bins of half the width are their means."""
+    values = start_values("land")
+    once, twice = (
+        evaluate(refined(chain_input(n=3 * bins, bins=bins), values), values, COEFFICIENTS, tangents=True)
+        for bins in (BINS, 2 * BINS)
+    )
+    for wide, fine in ((once.torque, twice.torque), (once.derivative, twice.derivative), (once.linear, twice.linear)):
+        means = fine.reshape(BINS, 2, -1).mean(axis=1)
+        size = np.max(np.abs(means), axis=0) + 1e-30
+        apart = np.sqrt(np.mean((wide.reshape(BINS, -1) - means) ** 2, axis=0)) / size
+        assert np.median(apart) < 2e-3  # the time steps of the chamber are others
+        assert np.max(apart) < 0.1
 
 
 def test_bins_take_what_is_slow_as_its_mean_and_let_nothing_fast_through():

@@ -73,7 +73,7 @@ def modelled(
     """
     item = problem.data[index]
     values, coefficients = problem.values(z, index)
-    torque, pressure = (over_even_angle(part, item.chain.swing) for part in means)
+    torque, pressure = (over_even_angle(part, item.chain.swing, item.chain.theta.size) for part in means)
     lost = item.chain.shaft_torque - measured
     lifts, errors = np.split(lifts, [item.lift_basis.n_basis])
     swing = None if item.chain.swing is None else item.chain.swing.corrected(errors)

@@ -49,9 +49,9 @@ class PairState:
     ----------
     before, after : (k,) values of the free parameters [SI]
     basis, moved : directions in which they differ, and by how many standard deviations along each, (m,)
-    residuals : measured less model of each at the true cam angle of the first, (BINS,) [N m]
-    jacobians : of the model by the free parameters, (BINS, k) [N m per SI]
-    turned : what differences of trigger and delay do by turning the second residual, (BINS, k) [N m per SI]
+    residuals : measured less model of each at the true cam angle of the first, (bins,) [N m]
+    jacobians : of the model by the free parameters, (bins, k) [N m per SI]
+    turned : what differences of trigger and delay do by turning the second residual, (bins, k) [N m per SI]
     outputs : of the chain
     """
 
@@ -89,7 +89,7 @@ def evaluated(pair: TwoRecordings, before: Array, basis: Basis, moved: Array) ->
 
 
 def by_gain(pair: TwoRecordings, state: PairState, name: str) -> Array:
-    """Return the derivative of the second torque by the gain of a sensor, (BINS,) [N m], turned as its residual is."""
+    """Return the derivative of the second torque by the gain of a sensor, (bins,) [N m], turned as its residual is."""
     moved = state.after.copy()
     moved[pair.names.index(name)] += GAIN_STEP
     chain, values = pair.sensed(1, moved)
@@ -142,7 +142,7 @@ def linearised(pair: TwoRecordings, state: PairState, columns: Array) -> tuple[A
 
     Returns
     -------
-    (2 BINS, k + m) by common values [1/SI], then by the directions; (2 BINS,) at the state
+    (2 bins, k + m) by common values [1/SI], then by the directions; (2 bins,) at the state
     """
     one, two = state.jacobians[0], state.jacobians[1].copy()
     for place, name in enumerate(pair.names):

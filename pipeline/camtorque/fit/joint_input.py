@@ -20,7 +20,6 @@ from camtorque.fit.single import Prepared, switching_std
 from camtorque.fit.uncertainty import covariance
 from camtorque.fit.valleys import TRIGGER_ANGLE
 from camtorque.ingest.stated import other_triggers, stated
-from camtorque.laws.chain import BINS
 from camtorque.laws.rows import ParameterRow
 from camtorque.records import Array, ReadOnly, Refusal
 
@@ -186,7 +185,7 @@ def with_own_triggers(inputs: Sequence[FittedAlone]) -> list[FittedAlone]:
 
 def common_error(item: FitData, count: int) -> FitData:
     """Return a recording whose weights hold the error of the laws ``count`` times: it is the same in all."""
-    variance = 1.0 / item.weight**2 + (count - 1.0) * law_variance(item.torque) * BINS / INDEPENDENT
+    variance = 1.0 / item.weight**2 + (count - 1.0) * law_variance(item.torque) * item.torque.size / INDEPENDENT
     return replace(item, weight=1.0 / np.sqrt(variance))
 
 

@@ -86,7 +86,7 @@ class JointSetup:
         return LiftModes(kept.vectors(), kept.strength, kept.to_lift())
 
     def whitened(self, index: int, columns: Array) -> Array:
-        """Return the products of columns of weighted residuals (BINS, m) with the lift correction taken out."""
+        """Return the products of columns of weighted residuals (bins, m) with the lift correction taken out."""
         kept = self.kept[index]
         return LiftModes(kept.vectors(), kept.strength, NOTHING).gram(columns)
 
@@ -175,7 +175,7 @@ def bounded_quadratic(matrix: Arrow, vector: Array, lower: Array, upper: Array, 
 
 
 def _linearised(setup: JointSetup, trial: Trial, index: int) -> tuple[Array, Array, Array]:
-    """Return matrix and descent vector of one recording in units of the steps, and its weighted residual (BINS,)."""
+    """Return matrix and descent vector of one recording in units of the steps, and its weighted residual (bins,)."""
     problem, item = setup.problem, setup.problem.data[index]
     path = np.require(trial.paths[index](), requirements="W")
     output, both = with_slopes(problem, trial.z, index, path)

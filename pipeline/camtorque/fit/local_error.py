@@ -20,14 +20,13 @@ from camtorque.fit.minima import Candidate, Halves, at_minimum
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.residual import explains, mean_square_about
 from camtorque.fit.uncertainty import covariance
-from camtorque.laws.chain import BINS
 from camtorque.process.second_process import in_two
 from camtorque.records import Array
 
 LOCAL_FROM = 1.5
 """Inflation of the residual's variance from which it is looked for where it lies: less is luck of 20 values."""
-REACH = round(9.0 * BINS / 360.0)
-"""Bins to either side that tell the size of the residual at a bin: 18 degrees, three independent values."""
+REACH = 9.0 / 360.0
+"""Part of a revolution to either side that tells the residual at a bin: 18 degrees, three independent values."""
 ROUNDS = 4
 POWERS = (1.0, 0.7, 0.5, 0.35)
 """Powers of the factor on a bin's standard deviation that are tried in turn."""
@@ -36,8 +35,8 @@ ROOM = 1.1
 
 
 def local_factor(residual: Array) -> Array:
-    """Return by how much more than its weights a weighted residual (BINS,) has about each bin, (BINS,), at least 1."""
-    square = mean_square_about(residual, REACH) * BINS / INDEPENDENT
+    """Return by how much more than its weights a weighted residual (n,) has about each bin, (n,), at least 1."""
+    square = mean_square_about(residual, round(REACH * residual.size)) * residual.size / INDEPENDENT
     return np.asarray(np.sqrt(np.maximum(square, 1.0)))
 
 

@@ -24,6 +24,8 @@ ASKED_TIMES, ASKED_PLUS = 1.15, 5.0
 weight beside that."""
 LIGHT = 0.2
 """Standard error of the logarithm of the cam's inertia: of the sheet, and of what a ringing shaft tells of it."""
+RESOLVED = 0.8
+"""Part of the highest order of the bins up to which they show how a shaft rings."""
 FALLEN = 1e12
 """What chi-square rises by on the other half of the cycles where the tangents overflow there."""
 
@@ -64,6 +66,13 @@ class Candidate:
             return 0.0
         missing = np.log(self.data.chain.pump.cam_inertia / cam_side_inertia(values)) / LIGHT
         return float(max(missing, 0.0) ** 2)
+
+    @property
+    def rings_between_bins(self) -> bool:
+        """Whether the shaft rings faster than the bins of a revolution show: how it is damped, nothing tells then."""
+        values, _ = self.problem.values(self.solution.z, 0)
+        order = values["shaft_resonance"] / self.data.chain.speed
+        return bool(values["shaft_compliance"] > RIGID and order > RESOLVED * 0.5 * self.data.chain.bins)
 
     @property
     def left_to_explain(self) -> float:

@@ -70,7 +70,7 @@ class TwoRecordings(ReadOnly):
     cycles : of both
     names : free parameters, last the gains of the sensors, in which the second alone may be off (`GAINS`)
     fixed : values of the others
-    mean_root, difference_root : (BINS, BINS) lower Cholesky factors of the covariances [N m]
+    mean_root, difference_root : (bins, bins) lower Cholesky factors of the covariances [N m]
     expected : chi-square of the difference that these covariances lead to expect where nothing is fitted
     other_trigger : whether triggers are declared differently, so that nothing ties the angle of one to the other
     wander : standard error of the angle between both means by how the angles of single cycles scatter [rad]
@@ -169,7 +169,8 @@ def pair_of(before: Prepared, after: Prepared, start: Candidate) -> TwoRecording
     """Return two recordings of one speed in the structure of one of the minima of the first, not weighed yet."""
     # what the transducer did not see lies where the torque does, also where a trigger stands elsewhere
     lost = start.data.chain.shaft_torque - before.measured
-    torques = [over_even_angle(_mean_torque(side), _swing(side)) for side in (before, after)]
+    n = start.data.chain.theta.size
+    torques = [over_even_angle(_mean_torque(side), _swing(side), n) for side in (before, after)]
     angle = angle_between(*torques)
     twisting = without_noise_apart(torques, angle, [_torque(side) for side in (before, after)])
     items = (
@@ -180,7 +181,7 @@ def pair_of(before: Prepared, after: Prepared, start: Candidate) -> TwoRecording
     names = (*(item.row.name for item in problem.parameters), *GAINS)
     values, coefficients = problem.values(start.solution.z, 0)
     fixed = {**values, **dict(zip(COLUMN_NAMES, coefficients, strict=True)), **dict.fromkeys(GAINS, 0.0)}
-    none, other = np.eye(BINS), other_triggers(stated(side.recording) for side in (before, after))
+    none, other = np.eye(start.data.torque.size), other_triggers(stated(side.recording) for side in (before, after))
     return TwoRecordings(
         items, (before.cycles, after.cycles), names, fixed, none, none, 0.0, other,  # type: ignore[arg-type]
     )  # fmt: skip
@@ -198,7 +199,7 @@ def _weights(bare: tuple[TwoRecordings, Candidate]) -> dict[str, Any]:
     modes = lift.vectors * lift.strength / item.weight[:, None]
     (noise, wander), laws = scatter_of_both(pair, pair.fixed), np.diag(1.0 / item.weight**2) + modes @ modes.T
     weights = {"mean_root": root_of(laws + noise / 4.0), "wander": wander}
-    return {**weights, **_difference_weights(pair, pair.fixed, noise, np.zeros(BINS))}
+    return {**weights, **_difference_weights(pair, pair.fixed, noise, np.zeros(item.torque.size))}
 
 
 def with_difference(pair: TwoRecordings, values: Mapping[str, float], left: Array) -> TwoRecordings:
@@ -206,7 +207,7 @@ def with_difference(pair: TwoRecordings, values: Mapping[str, float], left: Arra
 
     Parameters
     ----------
-    left : (BINS,) what the laws leave [N m]; a share of its size is not common to both
+    left : (bins,) what the laws leave [N m]; a share of its size is not common to both
     """
     return replace(pair, **_difference_weights(pair, values, scatter_of_both(pair, values)[0], left))
 
@@ -216,10 +217,10 @@ def _difference_weights(pair: TwoRecordings, values: Mapping[str, float], noise:
     item = pair.items[0]
     known = noise + shift_covariance(pair, values)
     peak = float(np.max(np.abs(item.torque)))
-    size = mean_square_about(left, RESIDUAL_REACH)
+    size = mean_square_about(left, RESIDUAL_REACH * left.size // BINS)
     share = 1.0 if has_other_load(pair.pressure_ratio) else RESIDUAL_SHARE
     error = (UNCOMMON * item.torque) ** 2 + (UNCOMMON_FLOOR * peak) ** 2 + share**2 * size
-    weighed = known + np.diag(error * BINS / INDEPENDENT)
+    weighed = known + np.diag(error * item.torque.size / INDEPENDENT)
     # what the laws do not share is correlated over an unknown angle: each bin is weighed as if it were less sure than
     # it is, so that chi-square falls short of the number of bins
     expected = float(np.trace(np.linalg.solve(weighed, known + np.diag(error))))
@@ -227,7 +228,7 @@ def _difference_weights(pair: TwoRecordings, values: Mapping[str, float], noise:
 
 
 def scatter_of_both(pair: TwoRecordings, values: Mapping[str, float]) -> tuple[Array, float]:
-    """Return the covariance of the scatter of the difference, (BINS, BINS) [(N m)^2], and of its angle [rad]."""
+    """Return the covariance of the scatter of the difference, (bins, bins) [(N m)^2], and of its angle [rad]."""
     own = tuple(pair.own)
     first, second = (mean_scatter(c, one, values, own) for c, one in zip(pair.cycles, pair.items, strict=True))
     return first[0] + second[0], float(np.hypot(first[1], second[1]))
@@ -239,14 +240,16 @@ def root_of(covariance: Array) -> Array:
 
 
 def _item(side: Prepared, data: FitData, shaft_torque: Array) -> FitData:
-    cycles, swing = side.cycles, _swing(side)
-    torque, pressure = (over_even_angle(part, swing) for part in (_mean_torque(side), np.mean(cycles.pressure, axis=0)))
+    cycles, swing, n = side.cycles, _swing(side), shaft_torque.size
+    torque, pressure = (
+        over_even_angle(part, swing, n) for part in (_mean_torque(side), np.mean(cycles.pressure, axis=0))
+    )
     chain = replace(
         data.chain, speed=cycles.mean_speed, line_pressure=pressure, shaft_torque=shaft_torque, swing=swing,
         trigger_angle=side.recording.config.trigger.nominal_angle,
     )  # fmt: skip
     rows = {**data.rows, **own_rows(side.recording, cycles), **GAIN_ROWS}
-    return replace(data, name=side.recording.config.id, chain=chain, torque=binned(torque), rows=rows)
+    return replace(data, name=side.recording.config.id, chain=chain, torque=binned(torque, chain.bins), rows=rows)
 
 
 def _swing(side: Prepared) -> Swing | None:
@@ -264,7 +267,7 @@ def _torque(side: Prepared) -> Array:
 
 
 def shift_covariance(pair: TwoRecordings, values: Mapping[str, float]) -> Array:
-    """Return the covariance of what clocks and starts may have shifted the line pressure by, (BINS, BINS) [(N m)^2].
+    """Return the covariance of what clocks and starts may have shifted the line pressure by, (bins, bins) [(N m)^2].
 
     The torque is asked for with the pressure earlier and later by one standard error, never by less: beside a valve
     near chattering the model steps, and a derivative taken over a shorter time would make any size of such a step.

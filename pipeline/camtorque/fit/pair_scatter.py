@@ -21,20 +21,20 @@ TOGETHER = 0.5
 def mean_scatter(
     cycles: CamCycles, item: FitData, values: Mapping[str, float], own: Sequence[str]
 ) -> tuple[Array, float]:
-    """Return the covariance of the mean residual, (BINS, BINS) [(N m)^2], and the standard error of its angle [rad].
+    """Return the covariance of the mean residual, (bins, bins) [(N m)^2], and the standard error of its angle [rad].
 
     Each block of cycles is modelled with its own line pressure, its own zeros and its own end of delivery: what noise,
     jitter and changing loads do to torque and model together is no scatter of the difference, since each recording has
     its own ``own`` parameters there too. How far these turn from block to block is how well the mean knows its angle.
     """
     assert cycles.torque is not None
-    swing, linear = item.chain.swing, coefficients_of(values)
+    swing, n, linear = item.chain.swing, item.chain.theta.size, coefficients_of(values)
     blocks = np.array_split(np.arange(cycles.speed.size), min(MOST_BLOCKS, cycles.speed.size))
     each = []
     for block in blocks:
-        pressure = over_even_angle(np.mean(cycles.pressure[block], axis=0), swing)
+        pressure = over_even_angle(np.mean(cycles.pressure[block], axis=0), swing, n)
         output = evaluate(replace(item.chain, line_pressure=pressure), values, linear)
-        torque = binned(over_even_angle(np.mean(cycles.torque[block], axis=0), swing))
+        torque = binned(over_even_angle(np.mean(cycles.torque[block], axis=0), swing, n), item.chain.bins)
         each.append(torque - output.torque - output.linear @ linear)
     apart = np.array(each) - np.mean(each, axis=0)
     count = apart.shape[0]

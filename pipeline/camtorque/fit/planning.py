@@ -26,7 +26,7 @@ from camtorque.fit.truncated import Gaussian
 from camtorque.fit.uncertainty import deviation_within, inverse
 from camtorque.fit.valleys import TRIGGER_ANGLE
 from camtorque.laws import ROWS
-from camtorque.laws.chain import BINS, SHIFT_NAMES, ChainInput, ChainOutput, coefficients_of, derivative_by, evaluate
+from camtorque.laws.chain import SHIFT_NAMES, ChainInput, ChainOutput, coefficients_of, derivative_by, evaluate
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.lift import LiftCorrection, lift_columns
 from camtorque.records import Array, ReadOnly, Refusal
@@ -182,7 +182,7 @@ def _columns(
     """Return the arrays of an `OperatingPoint`."""
     places, chain, output, values = evaluated(known, chain, source)
     by = derivative_by(output, list(places))
-    shared = np.zeros((BINS, len(known.names)))
+    shared = np.zeros((by.shape[0], len(known.names)))
     tooth = np.zeros(len(known.names))
     turned, own = tooth_shifts(chain, output), []
     for at, (name, k) in enumerate(places.items()):

@@ -107,7 +107,7 @@ def mean_cycles(cycles: CamCycles) -> MeanCycles:
 
 
 def law_variance(torque: Array) -> Array:
-    """Return the variance of what the laws leave in each bin of mean torques (..., BINS) [(N m)^2]."""
+    """Return the variance of what the laws leave in each bin of mean torques (..., bins) [(N m)^2]."""
     size = np.abs(torque)
     return np.asarray((SMALLEST_SHARE * np.max(size, axis=-1, keepdims=True)) ** 2 + (DISCREPANCY * size) ** 2)
 
@@ -117,11 +117,11 @@ def bin_weights(torque: Array, scatter: float, count: int = 1) -> Array:
 
     Parameters
     ----------
-    torque : (..., BINS) mean measured torque [N m]
+    torque : (..., bins) mean measured torque [N m]
     scatter : standard error of the mean of one bin [N m]
     count : recordings that are fitted together: the error of the laws is the same in all of them
     """
-    return 1.0 / np.sqrt((scatter**2 + count * law_variance(torque)) * BINS / INDEPENDENT)
+    return 1.0 / np.sqrt((scatter**2 + count * law_variance(torque)) * torque.shape[-1] / INDEPENDENT)
 
 
 def cam_swing(config: RecordingConfig, details: Mapping[str, Any]) -> Swing | None:
@@ -147,9 +147,9 @@ def further_teeth(config: RecordingConfig, details: Mapping[str, Any]) -> Array:
     return np.column_stack([config.trigger.nominal_angle + place, lead, np.hypot(scatter, PLACE_STD)])
 
 
-def over_even_angle(values: Array, swing: Swing | None) -> Array:
-    """Return a mean cycle (n_theta,) as the chain takes it, over even angle, (FIT_GRID,)."""
-    return on_grid(values if swing is None else swing.evened(values), FIT_GRID)
+def over_even_angle(values: Array, swing: Swing | None, n: int = FIT_GRID) -> Array:
+    """Return a mean cycle (n_theta,) as the chain takes it, over even angle, (n,)."""
+    return on_grid(values if swing is None else swing.evened(values), n)
 
 
 def at_cam_angles(chain: ChainInput, values: Array, n: int) -> Array:
@@ -166,8 +166,9 @@ def cam_angles(chain: ChainInput) -> Array:
     return chain.theta if chain.swing is None else chain.swing.cam(chain.theta.size)
 
 
-def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, means: MeanCycles) -> FitData:
+def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, means: MeanCycles, bins: int = BINS) -> FitData:
     """Return one recording ready to be fitted to the mean of its fitted cycles; its structure is still ``land``."""
+    grid = FIT_GRID // BINS * bins
     config: RecordingConfig = recording.config
     table: CamTable = recording.cam_table
     torque_sheet, pressure_sheet = recording.of("torque")[0].calibration, recording.of("pressure")[0].calibration
@@ -176,14 +177,14 @@ def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, means: MeanCy
     rows = loaded_rows(rig_rows(config, law, torque_sheet, pressure_sheet, cycles), law, cycles, means.torque)
     basis = lift_basis(table, law, cycles.theta)
     swing = cam_swing(config, cycles.details)
-    torque, pressure = (over_even_angle(part, swing) for part in (means.torque, means.pressure))
+    torque, pressure = (over_even_angle(part, swing, grid) for part in (means.torque, means.pressure))
     chain = ChainInput(
-        theta=angle_grid(FIT_GRID), speed=cycles.mean_speed, line_pressure=pressure, shaft_torque=torque,
+        theta=angle_grid(grid), speed=cycles.mean_speed, line_pressure=pressure, shaft_torque=torque,
         trigger_angle=config.trigger.nominal_angle, pump=config.pump, law=law,
         offset=config.pump.follower_offset * config.rotation, low_pass_order=torque_sheet.filter_order, swing=swing,
-        ripple_order=repeated_order(on_grid(means.torque, FIT_GRID), law.evaluate(angle_grid(FIT_GRID), 0)),
+        ripple_order=repeated_order(on_grid(means.torque, grid), law.evaluate(angle_grid(grid), 0)), bins=bins,
     )  # fmt: skip
-    centred = binned(torque)
+    centred = binned(torque, bins)
     weight = bin_weights(centred, means.scatter_of_mean)
     teeth = further_teeth(config, cycles.details)
     return FitData(config.id, chain, centred, weight, "land", rows, basis, config.measures_chamber, teeth)
@@ -197,9 +198,13 @@ def lift_basis(table: CamTable, law: CamLaw, theta: Array) -> LiftCorrection:
 
 def other_half(data: FitData, means: MeanCycles) -> FitData:
     """Return a recording of `fit_data` with the cycles that are held out in place of those that are fitted."""
-    swing = data.chain.swing
-    torque, pressure = (over_even_angle(part, swing) for part in (means.held_torque, means.held_pressure))
-    return replace(data, torque=binned(torque), chain=replace(data.chain, line_pressure=pressure, shaft_torque=torque))
+    swing, n = data.chain.swing, data.chain.theta.size
+    torque, pressure = (over_even_angle(part, swing, n) for part in (means.held_torque, means.held_pressure))
+    return replace(
+        data,
+        torque=binned(torque, data.chain.bins),
+        chain=replace(data.chain, line_pressure=pressure, shaft_torque=torque),
+    )
 
 
 def repeated_order(torque: Array, lift: Array) -> int:

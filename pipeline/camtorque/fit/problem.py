@@ -53,8 +53,8 @@ class FitData(ReadOnly):
     ----------
     name : recording
     chain : input of the chain for the fitted cycles
-    torque : (BINS,) mean measured torque [N m]
-    weight : (BINS,) one over the standard deviation of an independent bin [1/(N m)]
+    torque : (bins,) mean measured torque [N m]
+    weight : (bins,) one over the standard deviation of an independent bin [1/(N m)]
     structure : one of `STRUCTURES`
     rows : parameter rows with this recording's starts, bounds and priors
     lift_basis : correction of the lift table
@@ -110,7 +110,7 @@ class FitData(ReadOnly):
         return self.structure != "line" or name not in CHAMBER_NAMES or name == "pressure_zero"
 
     def residual(self, output: ChainOutput, coefficients: Array) -> Array:
-        """Return measured less modelled torque in units of its standard deviation, (BINS,)."""
+        """Return measured less modelled torque in units of its standard deviation, (bins,)."""
         return (self.torque - output.torque - output.linear @ coefficients) * self.weight
 
 

@@ -13,7 +13,7 @@ from camtorque.fit.prepare import MeanCycles
 from camtorque.fit.problem import FitData, Indices, Problem
 from camtorque.fit.solver import Solution
 from camtorque.fit.uncertainty import Covariance, inverse
-from camtorque.laws.chain import BINS, derivative_by
+from camtorque.laws.chain import derivative_by
 from camtorque.records import Array, Mask, Metrics, ResidualBump, RigidTorque
 from camtorque.units import DEGREE, TURN
 
@@ -65,7 +65,7 @@ def block_cross_validation(problem: Problem, solution: Solution, cov: Covariance
     columns = np.column_stack([jacobian * cov.prior_std, lift.vectors * lift.strength])
     matrix = inverse(columns.T @ columns + np.eye(columns.shape[1]))
     errors = []
-    for place in np.array_split(np.arange(BINS), round(360.0 / BLOCK_DEG)):
+    for place in np.array_split(np.arange(left.size), round(360.0 / BLOCK_DEG)):
         block = columns[place]
         leverage = np.eye(place.size) - block @ matrix @ block.T
         error = np.linalg.solve(leverage, left[place]) / weight[place]

@@ -149,7 +149,7 @@ def rescanned(start: Start, structure: str) -> list[FitData]:
     if structure == "spill" and start.data.structure != "spill":
         rest = expected(item, ("spill_width", "spill_span"))
     tried = [with_starts(item, {**end, **rest}) for end in ends_at(item, SCAN_SHARES)]
-    return sorted(tried, key=lambda trial: chi_square_at_start(trial, no_lift()))[:SCAN_KEPT]
+    return sorted(tried, key=lambda trial: chi_square_at_start(trial, no_lift(trial.chain.bins)))[:SCAN_KEPT]
 
 
 def redrawn(start: Start, names: Iterable[str], seed: int) -> FitData:
@@ -220,7 +220,7 @@ def through_suction_valve(found: SearchState, seen: FitData) -> Items:
     rows = item.rows
     known = {"port_closing_lift": rows["port_closing_lift"].lower, "suction_area": SUCTION * rows["valve_area"].start}
     item = with_starts(item, known)
-    return {"open": [item, *with_hubs(Start(item, no_lift(), np.inf))]}
+    return {"open": [item, *with_hubs(Start(item, no_lift(item.chain.bins), np.inf))]}
 
 
 def scanned_again(found: SearchState, _seen: FitData) -> Items:

@@ -173,7 +173,7 @@ def odds_against(gain: float, factor: float, std: float) -> float:
 
 
 def _tangents(item: Candidate) -> Array:
-    """Return the weighted columns (BINS, k) of the free parameters in units of their steps."""
+    """Return the weighted columns (bins, k) of the free parameters in units of their steps."""
     columns = with_slopes(item.problem, item.solution.z, 0)[1]
     full = np.zeros((columns.shape[0], item.problem.size))
     full[:, item.problem.places[0][0]] = columns[:, :-1]
@@ -198,7 +198,7 @@ def _pull(item: Candidate, scaled: Scaled, inflation: float, tangents: Array) ->
 
 
 def _residual(item: FitData, z: Array) -> Array:
-    """Return the weighted residual of a recording at values of its free parameters, (BINS,)."""
+    """Return the weighted residual of a recording at values of its free parameters, (bins,)."""
     problem = build_problem([item])
     return item.residual(output_at(problem, z), problem.values(z, 0)[1])
 

@@ -65,6 +65,8 @@ BENT = "valley of the trigger angle beyond its slope at the minimum"
 SOFTER = "valley of a stiff shaft's compliance"
 MINIMA = 5
 """Minima that are compared at most."""
+FINER_BINS = 2 * BINS
+"""Bins of a revolution of a shaft that rings between `BINS`: 2 kHz at 150 rpm is order 800."""
 AT_REST = 1.0e3
 """Inertance that moves nothing [kg/m^4]."""
 
@@ -162,6 +164,10 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     data = fit_data(recording, cycles, law, means)
     halves = Halves(data, other_half(data, means))
     minima = search_minima(halves)
+    if minima[0].rings_between_bins and cycles.theta.size >= FINER_BINS:
+        data = fit_data(recording, cycles, law, means, FINER_BINS)
+        halves = Halves(data, other_half(data, means))
+        minima = search_minima(halves)
     if minima[0].left_to_explain > DISSATISFYING and not data.measures_chamber:
         minima = with_oil_at_rest(minima, halves)
     weighed, other_pin = pin_decided(weighed_locally(distinct(minima), halves, means.odd_even), halves)
@@ -334,5 +340,5 @@ def relaxed_variant(best: Candidate) -> Candidate:
     fading = np.where(since >= 0.0, np.exp(-np.maximum(since, 0.0) / RELAXED_TIME), 0.0)
     area = chain.pump.plunger_area
     error = RELAXED_SHARE * values["valve_opening"] * area * np.abs(output.motion.lift[1]) * fading
-    variance = 1.0 / item.weight**2 + binned(error) ** 2 * (BINS / INDEPENDENT)
+    variance = 1.0 / item.weight**2 + binned(error, chain.bins) ** 2 * (chain.bins / INDEPENDENT)
     return attempted(at_minimum, replace(item, weight=1.0 / np.sqrt(variance)), Effort(15)) or best

@@ -38,7 +38,7 @@ UNFELT = 0.2
 
 @dataclass(frozen=True)
 class LiftModes:
-    """The lift correction in the weighted residual of one recording: vectors (BINS, k), shrinkage (k,).
+    """The lift correction in the weighted residual of one recording: vectors (bins, k), shrinkage (k,).
 
     ``vectors diag(strength) `` times standard normal numbers is what it adds; ``to_lift`` (n_basis + e, k) gives
     the coefficients [m] of the modes, and those of the e errors of a wheel's swing.
@@ -78,7 +78,7 @@ class LiftModes:
         return self.to_lift @ self.asked(residual)
 
     def beside(self, residual: Array) -> Array:
-        """Return what a weighted residual leaves beside the correction that it asks for, (BINS,)."""
+        """Return what a weighted residual leaves beside the correction that it asks for, (bins,)."""
         return residual - self.vectors @ (self.shrink * (self.vectors.T @ residual))
 
     def expected_part(self, residual: Array) -> float:
@@ -86,9 +86,9 @@ class LiftModes:
         return min(float(np.sum(self.asked(residual) ** 2)), float(np.sum(self.shrink)))
 
 
-def no_lift() -> LiftModes:
+def no_lift(bins: int = BINS) -> LiftModes:
     """Return a correction without modes."""
-    return LiftModes(np.zeros((BINS, 0)), np.zeros(0), np.zeros((0, 0)))
+    return LiftModes(np.zeros((bins, 0)), np.zeros(0), np.zeros((0, 0)))
 
 
 def lift_modes(
@@ -149,7 +149,7 @@ class Solution(Minimum):
     ----------
     hessian : (k, k) Gauss-Newton matrix in SI units of the parameters, priors included; ``data_hessian`` without
     output : the chain with its derivative
-    residual : (BINS,) measured - model without lift correction, weighted
+    residual : (bins,) measured - model without lift correction, weighted
     lift : the modes of the lift correction
     """
 
@@ -161,7 +161,7 @@ class Solution(Minimum):
 
     @property
     def left(self) -> Array:
-        """What the residual leaves beside the lift correction that it asks for, (BINS,), weighted."""
+        """What the residual leaves beside the lift correction that it asks for, (bins,), weighted."""
         return self.lift.beside(self.residual)
 
 
@@ -169,8 +169,7 @@ def smoother(width: float) -> Callable[[Array], Array]:
     """Return a Gaussian smoothing over the angle, of a standard deviation in radians, 0 for none."""
     if width <= 0.0:
         return lambda values: values
-    response = np.exp(-0.5 * (np.arange(BINS // 2 + 1) * width) ** 2)
-    return lambda values: filtered(values, response)
+    return lambda values: filtered(values, np.exp(-0.5 * (np.arange(values.shape[0] // 2 + 1) * width) ** 2))
 
 
 def output_at(problem: Problem, z: Array, index: int = 0) -> ChainOutput:
@@ -232,12 +231,12 @@ def try_at(
 def with_slopes(problem: Problem, z: Array, index: int, known: Array = NO_PATH) -> tuple[ChainOutput, Array]:
     """Return a recording's chain with its derivative, and weighted columns by its parameters in units of the steps.
 
-    The last of the columns (BINS, m + 1) is zero; ``known`` is the path of an output at the same z.
+    The last of the columns (bins, m + 1) is zero; ``known`` is the path of an output at the same z.
     """
     item, (own, chain) = problem.data[index], problem.places[index]
     values, coefficients = problem.values(z, index)
     output = evaluate(item.chain, values, coefficients, True, known)
-    columns = np.empty((BINS, own.size + 1))
+    columns = np.empty((item.torque.size, own.size + 1))
     scaled_columns(output.derivative, output.linear, chain, item.weight, problem.steps[own], columns)
     return output, columns
 

@@ -28,7 +28,6 @@ from camtorque.process.second_process import in_two
 from camtorque.records import Array
 from camtorque.units import DEGREE, angle_grid, on_grid
 
-SEARCH_GRID = 600
 CORE = (
     "dead_volume", "port_closing_lift", "port_width", "end_of_delivery", "spill_lift", "spill_width", "valve_opening",
     "valve_area", "valve_range", "leakage", "trigger_offset", "shaft_compliance", "pressure_zero", "guide_friction",
@@ -125,9 +124,10 @@ def on_search_grid(data: FitData) -> FitData:
     return coarse(replace(data, lift_basis=data.lift_basis.thinned()))
 
 
-def coarse(data: FitData, grid: int = SEARCH_GRID) -> FitData:
-    """Return the recording on another grid of the model."""
+def coarse(data: FitData, each: int = 1) -> FitData:
+    """Return the recording on another grid of the model, of so many angles a bin."""
     chain = data.chain
+    grid = each * chain.bins
     if chain.theta.size == grid:
         return data
     return replace(data, chain=replace(
@@ -148,10 +148,10 @@ def continued(data: FitData, smoothing_deg: float, core: bool, iterations: int =
     free = full.parameters[: full.n_nonlinear]
     held = {parameter.row.name: parameter.row.start for parameter in free
             if parameter.row.name in SET or (core and parameter.row.name not in CORE)}  # fmt: skip
-    data = refined(coarse(data, SEARCH_GRID if smoothing_deg > 5.0 else 2 * SEARCH_GRID), full.values(full.start, 0)[0])
+    data = refined(coarse(data, 1 if smoothing_deg > 5.0 else 2), full.values(full.start, 0)[0])
     problem = build_problem([data], held)
     first = output_at(problem, problem.start)
-    lift = no_lift() if smoothing_deg > 2.0 else lift_at(problem, problem.start, SEARCH_LIFT_CUT, first)
+    lift = no_lift(data.chain.bins) if smoothing_deg > 2.0 else lift_at(problem, problem.start, SEARCH_LIFT_CUT, first)
     width = smoothing_deg * DEGREE
     smooth = smoother(width)
     try:

@@ -27,7 +27,7 @@ from camtorque.records import Array, ReadOnly
 from camtorque.units import TURN
 
 BINS = 600
-"""Bins of a revolution in which measured and modelled torque are compared."""
+"""Bins of a revolution in which measured and modelled torque are compared, as a rule."""
 LARGEST_STEP = 8.0e-6
 """Time step while the delivery valve moves [s]."""
 MOST_SUBSTEPS = 10
@@ -67,9 +67,10 @@ class ChainInput(ReadOnly):
     substeps : (n,) time steps of the chamber per grid step
     swing : of the cam within a turn, where a wheel on it saw that: twist is rebuilt above its orders only
     ripple_order : times a revolution that the drive repeats a torque, 0 for none
+    bins : of a revolution in which the torques are compared; the angles are a multiple
     told : (3, n) of the swing, with two derivatives by the even angle [rad]; else (3, 0)
     lobes, top_lift, top_angle : how many alike the cam has, their lift [m], cam angle of the first one's top [rad]
-    in_signal : (BINS, 3) columns of the torque's zero and of that ripple
+    in_signal : (bins, 3) columns of the torque's zero and of that ripple
     """
 
     theta: Array
@@ -85,6 +86,7 @@ class ChainInput(ReadOnly):
     substeps: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     swing: Swing | None = None
     ripple_order: int = 0
+    bins: int = BINS
     twist: driveline.TwistBasis = field(init=False)
     told: Array = field(init=False)
     lobes: int = field(init=False)
@@ -102,7 +104,7 @@ class ChainInput(ReadOnly):
         lift = self.law.evaluate(self.theta, 0)
         told = self.swing.told(self.theta.size) if self.swing else np.zeros((3, 0))
         pump = replace(self.pump, follower_offset=self.offset)
-        waves = ripple.binned_waves(self.ripple_order, BINS, self.theta.size)
+        waves = ripple.binned_waves(self.ripple_order, self.bins, self.theta.size)
         lobes = lobe_count(lift)
         made = {
             "twist": driveline.twist_basis(self.shaft_torque, self.speed, self.trigger_angle, self.told_order),
@@ -111,7 +113,7 @@ class ChainInput(ReadOnly):
             "top_angle": float(self.theta[np.argmax(lift[: lift.size // lobes])]),
             "substeps": self.substeps if self.substeps.size else np.ones(self.theta.size, dtype=np.int64),
             "constants": constants_of(pump, Mounting(), NO_FRICTION)._replace(cam_inertia=0.0),
-            "in_signal": np.column_stack([np.ones(BINS), waves]),
+            "in_signal": np.column_stack([np.ones(self.bins), waves]),
         }  # fmt: skip
         for name, value in made.items():
             object.__setattr__(self, name, value)
@@ -138,9 +140,9 @@ class ChainOutput:
 
     Attributes
     ----------
-    torque : (BINS,) part of the measured torque that no linear parameter scales [N m]
-    linear : (BINS, 17) columns of `COLUMN_NAMES`
-    derivative : (BINS, n_nonlinear) by `NONLINEAR_NAMES` with the linear parameters held; None where not asked for
+    torque : (bins,) part of the measured torque that no linear parameter scales [N m]
+    linear : (bins, 17) columns of `COLUMN_NAMES`
+    derivative : (bins, n_nonlinear) by `NONLINEAR_NAMES` with the linear parameters held; None where not asked for
     motion : cam motion on the fine grid
     pressure : (n,) chamber pressure [Pa]
     pressure_tangents : by `chamber.NAMES`, then `SHIFT_NAMES`, (n, ...) [Pa per SI]; None where not asked for
@@ -149,7 +151,7 @@ class ChainOutput:
     flows : (n, 4) inlet port, spill, seat, leak [m^3/s]
     path : (1 + m, 3) the chamber after each time step, from which the derivative at the same values needs no search
     least_guide : least 1 - mu |tan phi| sign(y'); the follower jams at 0
-    spectra : (BINS // 2 + 1, 15) harmonics of torque and columns but the last on the cam, before shaft and sensor
+    spectra : (bins // 2 + 1, 15) harmonics of torque and columns but the last on the cam, before shaft and sensor
     """
 
     torque: Array
@@ -167,13 +169,13 @@ class ChainOutput:
 
 
 def drive_response(
-    data: ChainInput, values: Mapping[str, float], tangents: bool = True, n_points: int = BINS
+    data: ChainInput, values: Mapping[str, float], tangents: bool = True, n_points: int = 0
 ) -> NDArray[np.complex128]:
     """Return C(s) and its derivatives by `driveline.COMPLIANCE_NAMES`, (k, 14) or (k, 1).
 
-    Its harmonics are those of the twist and those of ``n_points`` points.
+    Its harmonics are those of the twist and those of ``n_points`` points, 0 for the bins.
     """
-    highest = max(data.twist.omega.size, n_points // 2 + 1)
+    highest = max(data.twist.omega.size, (n_points or data.bins) // 2 + 1)
     return driveline.compliance(np.arange(float(highest)) * data.speed, values, tangents)
 
 
@@ -194,9 +196,9 @@ def cam_motion(data: ChainInput, values: Mapping[str, float], response: NDArray[
     return Motion(theta, rate, second, lift, moved)
 
 
-def binned(values: Array) -> Array:
-    """Return means over bins along the first axis, (BINS, ...)."""
-    return values.reshape(BINS, -1, *values.shape[1:]).mean(axis=1)
+def binned(values: Array, bins: int = BINS) -> Array:
+    """Return means over bins along the first axis, (bins, ...)."""
+    return values.reshape(bins, -1, *values.shape[1:]).mean(axis=1)
 
 
 def transfer(
@@ -271,9 +273,9 @@ def evaluate(
     tangents : whether the derivative is wanted
     known : ``path`` of an output at the same values, which saves most of the chamber's work
     """
-    each, over = divmod(data.theta.size, BINS)
+    each, over = divmod(data.theta.size, bins := data.bins)
     if over:
-        raise ValueError(f"chain: {data.theta.size} angles, expected a multiple of {BINS}")
+        raise ValueError(f"chain: {data.theta.size} angles, expected a multiple of {bins}")
     response = drive_response(data, values, tangents)
     motion = cam_motion(data, values, response)
     pressure, by, states, flows, path = chamber_of(data, values, motion, tangents, known)
@@ -282,16 +284,16 @@ def evaluate(
         data.constants, values["guide_friction"], motion.theta, motion.lift, motion.rate, motion.second, pressure,
         c[:ON_CAM], tangents,
     )  # fmt: skip
-    shaft, measured, shaft_by, measured_by = transfer(data, values, BINS, response)
+    shaft, measured, shaft_by, measured_by = transfer(data, values, bins, response)
     gain = 1.0 + values["gain_error"]
     ways = (shaft * measured * gain, measured * gain)
-    taps, restoring = bin_taps(each), bin_restoring(each, BINS)[:, None]
-    spectra = np.fft.rfft(binned_by(torques, taps, BINS), axis=0) * restoring
+    taps, restoring = bin_taps(each), bin_restoring(each, bins)[:, None]
+    spectra = np.fft.rfft(binned_by(torques, taps, bins), axis=0) * restoring
     (torque, linear), derivative = _behind(data, spectra, *ways), None
     if tangents:
         width = len(NONLINEAR_NAMES)
         spectrum = sum(
-            np.fft.rfft(binned_by(torque_tangents(by, slope, *motion.shifts, data.speed, width), taps, BINS), axis=0)
+            np.fft.rfft(binned_by(torque_tangents(by, slope, *motion.shifts, data.speed, width), taps, bins), axis=0)
             * (way[:, None] * restoring)
             for slope, way in zip(slopes, ways, strict=True)
         )
@@ -299,7 +301,7 @@ def evaluate(
         loaded, felt = (np.sum(parts[:, side], axis=1)[:, None] * gain for side in (~BRIDGE, BRIDGE))
         spectrum[:, SHAFT_PLACES] += loaded * measured[:, None] * shaft_by
         spectrum[:, SENSOR_PLACES] += (loaded * shaft[:, None] + felt) * measured_by
-        derivative = np.fft.irfft(spectrum, BINS, axis=0)
+        derivative = np.fft.irfft(spectrum, bins, axis=0)
         derivative[:, GAIN_PLACE] = (torque + linear[:, :ON_CAM] @ c[:ON_CAM]) / gain
     return ChainOutput(
         torque, linear, derivative, motion, pressure, by, load, states, flows, path, float(least), spectra
@@ -312,7 +314,7 @@ def coefficients_of(values: Mapping[str, float]) -> Array:
 
 
 def derivative_by(output: ChainOutput, names: Sequence[str]) -> Array:
-    """Return the derivatives of the torque by some parameters, (BINS, m) [N m per SI]."""
+    """Return the derivatives of the torque by some parameters, (bins, m) [N m per SI]."""
     assert output.derivative is not None
     places = [(*NONLINEAR_NAMES, *COLUMN_NAMES).index(name) for name in names]
     return np.column_stack([output.derivative, output.linear])[:, places]
@@ -321,14 +323,14 @@ def derivative_by(output: ChainOutput, names: Sequence[str]) -> Array:
 def _behind(
     data: ChainInput, spectra: NDArray[np.complex128], through: NDArray[np.complex128], measured: NDArray[np.complex128]
 ) -> tuple[Array, Array]:
-    """Return torque and columns (BINS,), (BINS, 17) from their harmonics: through the shaft, or on the bridge alone."""
-    behind = np.fft.irfft(spectra * np.where(BRIDGE, measured[:, None], through[:, None]), BINS, axis=0)
+    """Return torque and columns (bins,), (bins, 17) from their harmonics: through the shaft, or on the bridge alone."""
+    behind = np.fft.irfft(spectra * np.where(BRIDGE, measured[:, None], through[:, None]), data.bins, axis=0)
     return behind[:, 0].copy(), np.concatenate([behind[:, 1:], data.in_signal], axis=1)
 
 
 def with_transfer(data: ChainInput, output: ChainOutput, values: Mapping[str, float]) -> ChainOutput:
     """Return an output behind the shaft and the sensor of other values; on the cam everything stays as it is."""
-    shaft, measured, *_ = transfer(data, values, BINS)
+    shaft, measured, *_ = transfer(data, values, data.bins)
     gain = 1.0 + values["gain_error"]
     torque, linear = _behind(data, output.spectra, shaft * measured * gain, measured * gain)
     return replace(output, torque=torque, linear=linear, derivative=None)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camtorque.compiled import njit
-from camtorque.laws.chain import BINS, ChainInput, ChainOutput, filtered, transfer
+from camtorque.laws.chain import ChainInput, ChainOutput, filtered, transfer
 from camtorque.laws.torque import bin_restoring, bin_taps
 from camtorque.records import Array, ReadOnly
 from camtorque.units import DEGREE
@@ -123,8 +123,8 @@ def lift_correction(theta: Array, lift: Array, resolution: float, noise_std: flo
 
 
 def lift_columns(chain: ChainInput, basis: LiftCorrection, output: ChainOutput, values: Mapping[str, float]) -> Array:
-    """Return the measured torque of each coefficient of a correction, (BINS, n) [N]."""
-    columns = basis.binned_torque(output.motion.theta, output.load, BINS)
-    shaft, measured, *_ = transfer(chain, values, BINS)
-    behind = shaft * measured * bin_restoring(chain.theta.size // BINS, BINS)
+    """Return the measured torque of each coefficient of a correction, (bins, n) [N]."""
+    columns = basis.binned_torque(output.motion.theta, output.load, chain.bins)
+    shaft, measured, *_ = transfer(chain, values, chain.bins)
+    behind = shaft * measured * bin_restoring(chain.theta.size // chain.bins, chain.bins)
     return filtered(columns, behind)

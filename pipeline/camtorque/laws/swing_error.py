@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from camtorque.laws import chamber
-from camtorque.laws.chain import BINS, ON_CAM, ChainInput, ChainOutput, chamber_of, transfer
+from camtorque.laws.chain import ON_CAM, ChainInput, ChainOutput, chamber_of, transfer
 from camtorque.laws.torque import bin_restoring, bin_taps, binned_by, torque_columns, torque_tangents
 from camtorque.records import Array
 
@@ -22,7 +22,7 @@ from camtorque.records import Array
 def swing_error_columns(
     data: ChainInput, output: ChainOutput, values: Mapping[str, float], coefficients: Array
 ) -> Array:
-    """Return the measured torque of each error of a told swing, (BINS, k) [N m].
+    """Return the measured torque of each error of a told swing, (bins, k) [N m].
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def swing_error_columns(
     coefficients : (17,) of `COLUMN_NAMES`
     """
     if data.swing is None or not data.swing.errors.size or not data.told_order:
-        return np.zeros((BINS, 0))
+        return np.zeros((data.bins, 0))
     first, second, third = np.ascontiguousarray(data.swing.told_errors(data.theta.size).transpose(0, 2, 1))
     moved = (first, second, third)
     motion = replace(output.motion, shifts=moved)
@@ -39,12 +39,13 @@ def swing_error_columns(
         data.constants, values["guide_friction"], motion.theta, motion.lift, motion.rate, motion.second,
         output.pressure, coefficients[:ON_CAM], True,
     )  # fmt: skip
-    each, width = data.theta.size // BINS, chamber.N + moved[0].shape[1] + 2
-    shaft, measured, *_ = transfer(data, values, BINS)
-    restored = measured * (1.0 + values["gain_error"]) * bin_restoring(each, BINS)
+    bins = data.bins
+    each, width = data.theta.size // bins, chamber.N + moved[0].shape[1] + 2
+    shaft, measured, *_ = transfer(data, values, bins)
+    restored = measured * (1.0 + values["gain_error"]) * bin_restoring(each, bins)
     spectrum = sum(
-        np.fft.rfft(binned_by(torque_tangents(pressed, slope, *moved, data.speed, width), bin_taps(each), BINS), axis=0)
+        np.fft.rfft(binned_by(torque_tangents(pressed, slope, *moved, data.speed, width), bin_taps(each), bins), axis=0)
         * way[:, None]
         for slope, way in zip(slopes, (shaft * restored, restored), strict=True)
     )
-    return np.fft.irfft(spectrum[:, chamber.N : -2], BINS, axis=0)
+    return np.fft.irfft(spectrum[:, chamber.N : -2], bins, axis=0)
