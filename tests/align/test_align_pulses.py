@@ -151,6 +151,16 @@ def test_stairs_of_edges_within_one_sample_are_no_jumps() -> None:
     np.testing.assert_allclose(breaks, [time[29:31].mean()])
 
 
+def test_one_stair_of_edges_within_one_sample_is_no_jump() -> None:
+    """14 ppm moved a sharp edge on by one sample of 20 kHz once in 3 s: told as two jumps, three cycles cut."""
+    time, sample = PERIOD * np.arange(33), 5e-5
+    stair = np.where(np.arange(33) < 24, 0.0, -sample)
+    edges = sample * np.sqrt(2.0 / 12.0)
+    assert clock_steps(time, stair)[0]
+    assert clock_steps(time, stair, edges) == ((), (0.0,))
+    assert clock_steps(time, 2.0 * stair, edges)[0], "two samples that were lost are"
+
+
 def test_negative_rotation_reads_as_its_channel_is_turned() -> None:
     recording = make(Rig(duration=1.5))
     torque = recording.channels[0]

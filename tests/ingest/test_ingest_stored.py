@@ -233,6 +233,19 @@ def test_an_element_of_an_array_of_structs_is_a_group(tmp_path: Path):
     np.testing.assert_array_equal(channel.source.read(0, 400), 2.0 * TIMES)
 
 
+def test_times_beside_a_rate_tell_when_the_log_begins(tmp_path: Path):
+    """Two structs with fs and t each were both taken to begin at 0 s, and their logs for those of two runs."""
+    later = {"Data": TIMES % 0.007, "t": TIMES + 0.25, "fs": RATE}
+    savemat(tmp_path / "run.mat", {"rec": later})
+    with h5py.File(tmp_path / "run.h5", "w") as store:
+        store["rec/Data"], store["rec/t"] = later["Data"], later["t"]
+        store["rec"].attrs["fs"] = RATE
+    for name, reader in (("run.mat", mat), ("run.h5", hdf5)):
+        file = tmp_path / name
+        (channel,) = reader.read(file, (spec("Data", "rec", file=file),), "").channels
+        assert (channel.start_time, channel.sample_rate) == (pytest.approx(0.25), pytest.approx(RATE))
+
+
 def test_an_array_of_structs_is_named_with_its_elements(tmp_path: Path):
     """It said: no variable 'rec', did you mean 'rec'?"""
     file = tmp_path / "run.mat"

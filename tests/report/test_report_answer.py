@@ -117,7 +117,8 @@ def test_the_gap_adds_up_in_words() -> None:
 
 
 @pytest.mark.parametrize(
-    ("probability", "angle", "told"), [(0.45, 21.0, True), (0.2, 21.0, False), (0.45, 20.0, False)]
+    ("probability", "angle", "told"),
+    [(0.45, 21.0, True), (0.2, 21.0, False), (0.45, 20.0, False), (0.45, 20.02, False)],
 )
 def test_a_second_solution_that_fits_as_well_stands_in_the_headline(
     probability: float, angle: float, told: bool

@@ -29,6 +29,11 @@ STEP_TIMES_SCATTER = Threshold(
     "A step of a clock is this many robust scatters of the difference: noise makes none in a long log."
 )  # fmt: skip
 LEAST_STEP = Threshold(20.0e-6, "s", "simulated rigs", "Steps of a clock smaller than this are edge noise.")
+STEP_TIMES_EDGES = Threshold(
+    4.0, "1", "statistics",
+    "Nor is a step of fewer standard errors of the difference of two edges: where edges are known to one sample, "
+    "one that moves on by a sample is 2.4 to 3.5 of them."
+)  # fmt: skip
 LARGEST_SKEW = Threshold(
     300.0e-6, "1", "physics",
     "Two crystals differ by 10 to 100 ppm; a common difference of the periods beyond this is no drift."
@@ -200,7 +205,7 @@ def fit_clock(logger: str, reference: Array, other: Array, where: str, edge_nois
             f"{LEAST_PULSES}; record the trigger on both loggers for longer"
         )
     a, difference = a[good], (b - a)[good]
-    breaks, steps = clock_steps(a, difference)
+    breaks, steps = clock_steps(a, difference, edge_noise)
     line = robust_line(a, difference - np.array(steps)[np.searchsorted(breaks, a)])
     findings = [] if evidence >= CLEAR_EVIDENCE else [_ambiguous(logger, lag, rival, evidence, a.size, where)]
     findings += [_jumped(logger, moment, steps[i + 1] - steps[i], where) for i, moment in enumerate(breaks)]
@@ -209,8 +214,8 @@ def fit_clock(logger: str, reference: Array, other: Array, where: str, edge_nois
     return Clock(fit, line.stderr_slope, line.residual_std, lag, evidence, tuple(findings), breaks, steps)
 
 
-def clock_steps(time: Array, difference: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Find lasting steps of the difference of two clocks.
+def clock_steps(time: Array, difference: Array, edge_noise: float = 0.0) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Find lasting steps of the difference of two clocks; ``edge_noise``: standard error of that of two edges [s].
 
     Returns
     -------
@@ -218,7 +223,9 @@ def clock_steps(time: Array, difference: Array) -> tuple[tuple[float, ...], tupl
     """
     change = np.diff(difference)
     centred = change - np.median(change)
-    limit = max(STEP_TIMES_SCATTER * 1.4826 * float(np.median(np.abs(centred))), LEAST_STEP)
+    limit = max(
+        STEP_TIMES_SCATTER * 1.4826 * float(np.median(np.abs(centred))), LEAST_STEP, STEP_TIMES_EDGES * edge_noise
+    )
     if change.size >= STAIRS_FROM:
         # Edges within one sample are known to one sample: drift then climbs in stairs of that height, most steps none.
         limit = max(limit, STAIR_FACTOR * float(np.percentile(np.abs(centred), 90.0)))

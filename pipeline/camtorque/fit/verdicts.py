@@ -104,9 +104,9 @@ def parameter_differences(pair: TwoRecordings, found: Attribution) -> tuple[Diff
         row = pair.items[0].rows[name]
         k = pair.names.index(name)
         per = row.per_unit
-        mean, std = found.mean[j] / per, float(np.sqrt(found.covariance[j, j])) / per
+        mean, std = float(found.mean[j]) / per, float(np.sqrt(found.covariance[j, j])) / per
         free = float(found.free_mean[j]) / per, float(found.free_std[j]) / per
-        told = _named(found, name) and _alone(found, name)
+        told = _named(found, name) and (_alone(found, name) or abs(mean) > SEEN * std)
         before = float(found.state.before[k]) / per
         if not told:
             mean, std = free

@@ -100,7 +100,7 @@ def _stored(
     return Stored(
         *place, _unit(attributes, data, field), _source(path, data, field), rate, start,
         dates=() if date is None else ((0, date),),
-        time_beside=partial(_time_beside, path, data, field, place[1]) if rate is None else None,
+        time_beside=partial(_time_beside, path, data, field, place[1]),
     )  # fmt: skip
 
 

@@ -65,8 +65,7 @@ def _stored(members: Members, group: str, name: str, samples: np.ndarray) -> Sto
         }
         return time_beside(same, taken, same.__getitem__)
 
-    time = None if "rate" in near else times
-    return Stored(group, name, near.get("unit", ""), ArraySource(samples), near.get("rate"), time_beside=time)
+    return Stored(group, name, near.get("unit", ""), ArraySource(samples), near.get("rate"), time_beside=times)
 
 
 def members_of(variables: Mapping[str, Any]) -> dict[tuple[str, str], np.ndarray]:

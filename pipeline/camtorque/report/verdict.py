@@ -14,8 +14,9 @@ WIDE_DEG, AROUND_DEG = 90.0, 320.0
 """A wider stretch of the residual has more than one phase; one all around the revolution is nowhere."""
 GOOD_RMS_PERCENT, GOOD_GAP_PERCENT, GOOD_RETURN_NM = 0.35, 0.5, 0.4
 """What a fitted model is expected to reach on held-out cycles; beyond it the verdict asks to look closer."""
-NOTICED = 0.5
-"""A second minimum is named where it moves trigger or chamber peak by more than this many standard uncertainties."""
+NOTICED, NEWS = 0.5, 1.0
+"""A second minimum is named where it moves trigger or chamber peak by more than so many standard uncertainties, in the
+headline where by more than so many."""
 EVEN = 0.3
 """A second solution this probable stands in the headline."""
 UNUSUAL = {
@@ -35,6 +36,7 @@ DOUBTFUL = {
     "base_torque_large": "a torque on the base circle that is that of no drag",
     "torque_against_model": "a torque that does not suit the plunger of the sheet",
     "torque_beyond_pressure": "a torque that no such pressure makes",
+    "torque_inverted": "a torque whose sign was turned",
     "torque_flat_top": "a torque whose top is cut off",
     "low_cycles_used": "only those cycles that stay within the range of a sensor",
     "torque_size_drifts": "a torque whose size drifts beside its pressure",
@@ -69,9 +71,10 @@ def verdict(doc: Document) -> dict[str, Any]:
     if doubtful:
         text += f" What it rests on is doubtful ({'; '.join(doubtful)}): see the findings before using the values."
     second = next((row for row in doc["alternatives"][1:] if (row["probability"] or 0.0) >= EVEN), None)
-    if second is not None and differs(second, doc):
+    if second is not None and moves(second, doc, NEWS):
+        kind = f" ({second['name']})" if second["name"] != doc["alternatives"][0]["name"] else ""
         text += (
-            " Another solution fits about as well, with the trigger at "
+            f" Another solution fits about as well{kind}, with the trigger at "
             f"{significant(second['trigger_angle_deg'], 4)} deg and a chamber peak of "
             f"{significant(second['chamber_peak_bar'], 4)} bar."
         )
@@ -176,11 +179,16 @@ def unexplained_text(doc: Document) -> str:
 
 
 def differs(row: Document, doc: Document) -> bool:
-    """Return whether an alternative says anything else of trigger or chamber than the chosen one."""
+    """Return whether an alternative says anything else of structure, trigger or chamber than the chosen one."""
+    return row["name"] != doc["alternatives"][0]["name"] or moves(row, doc, NOTICED)
+
+
+def moves(row: Document, doc: Document, times: float) -> bool:
+    """Return whether an alternative has trigger or chamber peak off by more than so many standard uncertainties."""
     first = doc["alternatives"][0]
     shown = ((doc["alignment"]["trigger_angle_deg"], "trigger_angle_deg"),
             ((doc["chamber"] or {}).get("peak_bar"), "chamber_peak_bar"))  # fmt: skip
-    return row["name"] != first["name"] or any(
-        abs((row[key] or 0.0) - (first[key] or 0.0)) > NOTICED * (estimate["stderr"] or 0.0) for estimate, key in shown
-        if estimate
+    return any(
+        abs((row[key] or 0.0) - (first[key] or 0.0)) > times * (estimate["stderr"] or 0.0)
+        for estimate, key in shown if estimate
     )  # fmt: skip
