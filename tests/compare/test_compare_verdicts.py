@@ -56,15 +56,19 @@ def test_something_changed_where_that_nothing_did_is_improbable(
     assert whole_verdict(rows, SimpleNamespace(unchanged=unchanged)) == whole  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(("std", "kind"), [(3.0, "changed"), (60.0, "cannot tell")])
-def test_of_an_event_of_several_parameters_the_one_that_surely_moved_is_told(std: float, kind: str) -> None:
+@pytest.mark.parametrize(
+    ("moved", "std", "kind"), [(-190.0, 3.0, "changed"), (-190.0, 60.0, "cannot tell"), (-90.0, 3.0, "cannot tell")]
+)
+def test_of_an_event_of_several_parameters_the_one_that_surely_moved_is_told(
+    moved: float, std: float, kind: str
+) -> None:
     """A shaft that rang 190 +- 3 Hz slower: which number of it moved, the data could not tell, the headline said."""
     name = "shaft_resonance"
     row = ROWS[name]
     per = row.per_unit
     found = SimpleNamespace(
-        names=(name,), mean=np.array([-190.0 * per]), covariance=np.array([[(std * per) ** 2]]),
-        free_mean=np.array([-190.0 * per]), free_std=np.array([std * per]), best=("shaft",), inflation=(1.0, 2.0),
+        names=(name,), mean=np.array([moved * per]), covariance=np.array([[(std * per) ** 2]]),
+        free_mean=np.array([moved * per]), free_std=np.array([std * per]), best=("shaft",), inflation=(1.0, 2.0),
         state=SimpleNamespace(before=np.array([1150.0 * per])), moved=lambda *names: 0.97,
     )  # fmt: skip
     pair = SimpleNamespace(other_trigger=False, names=(name,), items=[SimpleNamespace(rows=ROWS)])

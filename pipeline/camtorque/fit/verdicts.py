@@ -106,11 +106,12 @@ def parameter_differences(pair: TwoRecordings, found: Attribution) -> tuple[Diff
         per = row.per_unit
         mean, std = float(found.mean[j]) / per, float(np.sqrt(found.covariance[j, j])) / per
         free = float(found.free_mean[j]) / per, float(found.free_std[j]) / per
-        told = _named(found, name) and (_alone(found, name) or abs(mean) > SEEN * std)
+        matters = MATTERS * row.step / per
+        # an event of several parameters is told by the one that surely moved as far as matters
+        told = _named(found, name) and (_alone(found, name) or abs(mean) > max(SEEN * std, matters))
         before = float(found.state.before[k]) / per
         if not told:
             mean, std = free
-        matters = MATTERS * row.step / per
         # a linearised difference knows no bounds: no friction below zero is ever stated
         after = float(np.clip(before + mean, row.lower / per, row.upper / per))
         kind = verdict(told and abs(mean) > SIGNED * std, free, matters)
