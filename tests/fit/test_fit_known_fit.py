@@ -13,7 +13,7 @@ RECORDING = FittedAt("a", 100.0, "open", 0.01, True)
 
 def drawn(names: tuple[str, ...], values: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     fit = KnownFit(names, values, ArrowCovariance.whole(covariance), (RECORDING,))
-    mean = dict(zip(names, values, strict=True))
+    mean = {**dict(zip(names, values, strict=True)), "torque_zero": 0.0}
     found = draws(fit, fit.own("a"), mean, LoadKnowledge({}), 1.0, 200)
     return np.array([[one[name] for name in names] for one in found])
 
