@@ -48,6 +48,8 @@ def test_a_diameter_is_proposed_where_one_would_explain_the_torque(aligned):
 
     assert "(8 mm, 5.5 mm would be usual)" in text(0.5)
     assert "check plunger_diameter_m (8 mm), the lift table" in text(-0.2)
+    assert "whether a low-pass of amplifier or logger smooths the torque" in text(0.5)
+    assert "low-pass" not in text(2.0)
 
 
 @pytest.mark.parametrize(

@@ -148,10 +148,11 @@ def ratio_findings(ratio: float, pump: PumpData) -> tuple[Finding, ...]:
     if ratio > LEAST_TOLD:
         diameter += f", {1e3 * pump.plunger_diameter * math.sqrt(ratio / 1.15):.2g} mm would be usual"
     side = "friction adds to it, and the chamber while it delivers" if ratio < USUAL[0] else "no friction adds so much"
+    slow = ", whether a low-pass of amplifier or logger smooths the torque" if ratio < USUAL[0] else ""
     text = (
         f"where the line pressure loads the cam most the measured torque is {ratio:.2f} of the rigid model's, sound "
         f"pumps have 1.0 to 1.7 ({side}): check plunger_diameter_m ({diameter}), the lift "
-        "table, nominal_angle_deg, both sensitivities, and that the logs are of one run"
+        f"table, nominal_angle_deg, both sensitivities{slow}, and that the logs are of one run"
     )
     return (Finding("torque_against_model", "warning", text, "[pump]"),)
 
