@@ -309,7 +309,7 @@ def test_a_trigger_under_another_name_is_told_by_its_shape(bench: Path, quantity
         read(bench)
 
 
-def with_samples(bench: Path, quantity: str, places: np.ndarray | slice, volts: float):
+def with_samples(bench: Path, quantity: str, places: np.ndarray | slice, volts: float | np.ndarray):
     """Return the recording with some samples of a channel replaced."""
     recording = read(bench)
     (channel,) = recording.of(quantity)
@@ -334,6 +334,23 @@ def test_a_torque_off_by_a_thousand_is_told_by_its_unit(bench: Path, factor: flo
     changed = replace(recording, channels=tuple(wrong if c is torque else c for c in recording.channels))
     with pytest.raises(Refusal, match=f"the torque looks like {slip} .*: correct its unit; else one is wrong: plunger"):
         check_loads(changed)
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_counts_that_ran_over_are_told_and_drop_outs_are_none(bench: Path, lost: bool):
+    """A torque of wrapped counts was explained by a trigger 28 degrees off."""
+    recording = read(bench)
+    (torque,) = recording.of("torque")
+    values = torque.source.read(0, torque.n_samples).astype(float)
+    top = np.max(values)
+    limit = 0.6 * top
+    wrapped = np.where(values > limit, values - 2.0 * limit, values)
+    if lost:  # single samples, at the peaks too
+        wrapped = values.copy()
+        wrapped[::97] = np.min(values)
+    changed = with_samples(bench, "torque", np.arange(values.size), wrapped)
+    assert ("values_wrap" in {row.code for row in check_loads(changed)}) != lost
+    assert "values_wrap" not in {row.code for row in check_loads(recording)}
 
 
 @pytest.mark.parametrize("quantity", ["torque", "pressure"])

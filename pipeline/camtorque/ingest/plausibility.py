@@ -29,6 +29,9 @@ STEEPER = 1.0 / 3.0
 torques of 69 recordings are between theirs for ten times the trigger's time or longer, exchanged for a tenth of it."""
 FAR_BEYOND = 3.0
 """A sensor stands up to twice its range; a pressure of more than so many times that is in another unit."""
+WHOLE_RANGE, STEADY, LEAST_WRAPS = 0.8, 0.2, 5
+"""Share of a range that counts which ran over jump by, at most a tenth of the steps being more than a fifth; times both
+ways. A spill takes a pressure down by as much in a sample of 5 kHz, never up again."""
 LOADED = 30.0 * BAR
 """Below this peak pressure friction and spring rule the torque."""
 PRESSURE_SLIPS = {
@@ -118,6 +121,23 @@ def _beginning(channel: Channel) -> Array:
     return np.maximum(np.minimum(before, here), np.minimum(np.maximum(before, here), after))
 
 
+def wrapped_findings(channel: Channel) -> tuple[Finding, ...]:
+    """Tell a channel whose counts ran over: it jumps through its whole range within a sample, up and down again."""
+    values = _beginning(channel)
+    steps, span = np.diff(values), float(np.ptp(values)) if values.size > 1 else 0.0
+    if not span > 0.0 or float(np.percentile(np.abs(steps), 90.0)) > STEADY * span:
+        return ()
+    there, back = (int(np.sum(side * steps > WHOLE_RANGE * span)) for side in (1.0, -1.0))
+    if min(there, back) < LEAST_WRAPS:
+        return ()
+    text = (
+        f"the {channel.quantity} jumps through its whole range within one sample, {there} times up and {back} times "
+        "down in the samples looked at, as counts do that ran over their 8 or 16 bits: a smaller gain, or an export in "
+        "wider numbers; record or export it again"
+    )
+    return (Finding("values_wrap", "error", text, f"{channel.path.name} {channel.name}"),)
+
+
 def check_loads(recording: Recording) -> list[Finding]:
     """Hold torque, contact stress and pressure against each other at their largest values, and against their sensors.
 
@@ -132,7 +152,8 @@ def check_loads(recording: Recording) -> list[Finding]:
             if channel.calibration is not None:
                 sheets[quantity], peaks[quantity] = channel.calibration, largest(channel)
     is_loaded = peaks.get("pressure", 0.0) > LOADED
-    ranges = [row for name, sheet in sheets.items() for row in range_findings(sheet, peaks[name], is_loaded=is_loaded)]
+    ranges = [row for name in sheets for row in wrapped_findings(recording.of(name)[0])]
+    ranges += [row for name, sheet in sheets.items() for row in range_findings(sheet, peaks[name], is_loaded=is_loaded)]
     if recording.lift_table is None or "pressure" not in sheets:
         return ranges
     _refuse_other_unit(recording, sheets["pressure"].range_max, peaks["pressure"])
