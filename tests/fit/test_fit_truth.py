@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from camtorque.fit.derived import delivered_volume
 from camtorque.fit.minima import at_minimum, followed
-from camtorque.fit.prepare import INDEPENDENT, fit_data, mean_cycles
+from camtorque.fit.prepare import FINER_BINS, INDEPENDENT, fit_data, mean_cycles
 from camtorque.fit.problem import build_problem, with_rows, with_starts
 from camtorque.fit.residual import is_explained
 from camtorque.fit.result import fitted_torque
 from camtorque.fit.search import SearchState, load_anew
-from camtorque.fit.single import FINER_BINS, FitOptions, fit_prepared
+from camtorque.fit.single import FitOptions, fit_prepared
 from camtorque.fit.solver import lift_at, no_lift, try_at
 from camtorque.fit.starts import (
     SMOOTHINGS_DEG,

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
 
 from camtorque.fit.descent import Basin, Effort
 from camtorque.fit.problem import FitData, Problem, build_problem, in_structure, started_at
-from camtorque.fit.solver import LiftModes, Solution, solve, try_at
+from camtorque.fit.solver import LiftModes, Solution, no_lift, solve, try_at
 from camtorque.fit.starts import Start, refined
+from camtorque.fit.uncertainty import covariance
 from camtorque.laws.causes import cam_torques, filtered_out_torque
 from camtorque.laws.driveline import RIGID, cam_side_inertia
+from camtorque.process.second_process import in_two
 from camtorque.records import Array
 
 T = TypeVar("T")
@@ -131,6 +134,32 @@ def followed(data: FitData, start: Start, effort: Effort = POLISH) -> Candidate:
     problem = build_problem([item])
     item = refined(item, problem.values(problem.start, 0)[0])
     return at_minimum(item, effort)
+
+
+def distinct(minima: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    """Return minima without those that an earlier one stands for."""
+    kept: list[Candidate] = []
+    for item in minima:
+        if not any(_same(item, other) for other in kept):
+            kept.append(item)
+    return tuple(kept)
+
+
+def _same(one: Candidate, other: Candidate) -> bool:
+    """Return whether two minima are one: no parameter lies a standard deviation of the other one's apart."""
+    if one.data.structure != other.data.structure:
+        return False
+    apart = np.abs(one.solution.z - other.solution.z)
+    return bool(np.all(apart < covariance(other.problem, other.solution).std))
+
+
+def in_bins_of(halves: Halves, minima: Sequence[Candidate]) -> list[Candidate]:
+    """Return where minima of the same recording in other bins lead to, least chi-square first."""
+    data, none = halves.fitted, no_lift(halves.fitted.chain.bins)
+    begun = [replace(data, structure=item.data.structure, rows=item.data.rows) for item in minima]
+    follow = partial(halves.minimum, partial(followed, data))
+    found = in_two(follow, [Start(item, none, np.inf) for item in begun])
+    return sorted((end for end in found if end), key=lambda end: end.value)
 
 
 def at_minimum(item: FitData, effort: Effort = POLISH, lift: LiftModes | None = None) -> Candidate:

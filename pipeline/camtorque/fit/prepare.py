@@ -40,6 +40,8 @@ from camtorque.units import DEGREE, TURN, angle_grid, counted, on_grid
 
 FIT_GRID = 1800
 """Points per revolution of the model, whatever the grid of the cycles: 0.2 degrees."""
+FINER_BINS = 2 * BINS
+"""Bins of a revolution of a shaft that rings between `BINS`: 2 kHz at 150 rpm is order 800."""
 SMALLEST_SHARE = 2.0e-4
 """Least standard deviation of a bin, as a share of the peak torque: quantisation and grid."""
 DISCREPANCY = 1.0e-3

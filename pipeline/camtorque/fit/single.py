@@ -31,8 +31,18 @@ from camtorque.fit.descent import Effort
 from camtorque.fit.evidence import loss_evidence, where_unexplained
 from camtorque.fit.kinds import OtherPin, chamber_evidence, pin_decided, structure_probabilities, structure_spread
 from camtorque.fit.local_error import weighed_locally
-from camtorque.fit.minima import Candidate, Halves, at_minimum, attempted, beside, followed, with_its_lost_torque
-from camtorque.fit.prepare import INDEPENDENT, MeanCycles, fit_data, mean_cycles, other_half
+from camtorque.fit.minima import (
+    Candidate,
+    Halves,
+    at_minimum,
+    attempted,
+    beside,
+    distinct,
+    followed,
+    in_bins_of,
+    with_its_lost_torque,
+)
+from camtorque.fit.prepare import FINER_BINS, INDEPENDENT, MeanCycles, fit_data, mean_cycles, other_half
 from camtorque.fit.problem import Problem, with_rows
 from camtorque.fit.residual import explains
 from camtorque.fit.search import DISSATISFYING, SearchState, search
@@ -49,7 +59,7 @@ from camtorque.fit.uncertainty import (
     pressure_jacobian,
 )
 from camtorque.fit.valleys import TRIGGER_ANGLE, Valley, profile_trigger_angle, softer_shaft, turned_round
-from camtorque.laws.chain import BINS, binned
+from camtorque.laws.chain import binned
 from camtorque.mechanism.lift_laws import spectral_law
 from camtorque.process.second_process import in_two
 from camtorque.records import Array, CamCycles, LossEvidence, Recording, Refusal, RigidTorque
@@ -65,8 +75,6 @@ BENT = "valley of the trigger angle beyond its slope at the minimum"
 SOFTER = "valley of a stiff shaft's compliance"
 MINIMA = 5
 """Minima that are compared at most."""
-FINER_BINS = 2 * BINS
-"""Bins of a revolution of a shaft that rings between `BINS`: 2 kHz at 150 rpm is order 800."""
 AT_REST = 1.0e3
 """Inertance that moves nothing [kg/m^4]."""
 
@@ -167,7 +175,9 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
     if minima[0].rings_between_bins and cycles.theta.size >= FINER_BINS:
         data = fit_data(recording, cycles, law, means, FINER_BINS)
         halves = Halves(data, other_half(data, means))
-        minima = search_minima(halves)
+        near = in_bins_of(halves, distinct(minima))
+        sound = bool(near) and explains(near[0].data, near[0].solution, means.odd_even)
+        minima = near if sound else search_minima(halves)
     if minima[0].left_to_explain > DISSATISFYING and not data.measures_chamber:
         minima = with_oil_at_rest(minima, halves)
     weighed, other_pin = pin_decided(weighed_locally(distinct(minima), halves, means.odd_even), halves)
@@ -222,23 +232,6 @@ def every_structure(found: SearchState, halves: Halves) -> list[Candidate]:
             "may belong to another pump or trigger: `camtorque check` compares them"
         )
     return sorted(ends, key=lambda item: item.value)
-
-
-def distinct(minima: Sequence[Candidate]) -> tuple[Candidate, ...]:
-    """Return minima without those that an earlier one stands for."""
-    kept: list[Candidate] = []
-    for item in minima:
-        if not any(_same(item, other) for other in kept):
-            kept.append(item)
-    return tuple(kept)
-
-
-def _same(one: Candidate, other: Candidate) -> bool:
-    """Return whether two minima are one: no parameter lies a standard deviation of the other one's apart."""
-    if one.data.structure != other.data.structure:
-        return False
-    apart = np.abs(one.solution.z - other.solution.z)
-    return bool(np.all(apart < covariance(other.problem, other.solution).std))
 
 
 def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
