@@ -7,7 +7,8 @@ pressure stays above zero and keeps a residual there.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 
@@ -85,7 +86,7 @@ def check_quantities(
         return {}, ()
     stride = max(1, next(iter(rows.values())).shape[1] // COARSE_GRID)
     repeating = _repeating(next(iter(rows.values())), sound, stride, recording, pulses)
-    ask = _what_to_check(recording, pulses)
+    ask = partial(_what_to_check, recording, pulses)
     typical = {
         quantity: _typical(values, sound, stride, recording.of(quantity)[0], repeating, ask)
         for quantity, values in rows.items()
@@ -187,7 +188,7 @@ def _what_to_check(recording: Recording, pulses: Array) -> str:
 
 
 def _typical(
-    rows: Array, sound: Mask, stride: int, channel: Channel, repeating: tuple[Finding, ...], ask: str
+    rows: Array, sound: Mask, stride: int, channel: Channel, repeating: tuple[Finding, ...], ask: Callable[[], str]
 ) -> Array:
     """Return the median of some cycles on a coarser grid; it has to stand out of their scatter."""
     some = rows[spread_choice(sound), ::stride]
@@ -215,7 +216,7 @@ def _typical(
     )
     raise Refusal(
         f"{channel.where}: the {channel.quantity} does not follow the cam: the mean "
-        f"cycle swings by {swing / size:.3g} {unit}, {reason}; {ask}"
+        f"cycle swings by {swing / size:.3g} {unit}, {reason}; {ask()}"
     )
 
 

@@ -211,8 +211,8 @@ def draws(
 def within(drawn: Array, center: Array, covariance: Array, rooms: Array) -> Array:
     """Return draws (m, k) within their rooms (k, 2): those outside go to the most probable place on the border.
 
-    What is cut off at a bound alone leaves the others where they went with it: of a soft coupling, that rings with a
-    shaft, one cut off at rigid left the shaft softer by as much, and chi-square was a million.
+    What is cut off at a bound alone leaves the others where they went with it: a coupling cut off at rigid left the
+    shaft stiffer by what it lost.
     """
     scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     low, high = (rooms.T - center) / scale

@@ -212,10 +212,12 @@ def _proposal(path: Path, name: str, channel: FileChannel, hint: str) -> Proposa
     low, high = (float(good.min()), float(good.max())) if good.size else (float("nan"), float("nan"))
     base = absolute_unit(channel.unit)
     unit = base or tidy_unit(channel.unit or _unit_in(channel.name))
+    if unit == "nm" and (_named(channel.name) or _named(hint)) == "torque":
+        unit = ""  # newton metres in small letters: a person has to say
     quantity = _quantity(channel.name, hint, unit, good) if good.size and high > low else ""
     pulses = bool(quantity) and CHANNEL_QUANTITIES[quantity].is_pulse
     guessed = ("logic" if set(np.unique(good)) == {0.0, 1.0} else "V") if pulses else ""
-    known = unit if is_known_unit(unit) and not (quantity == "torque" and unit == "nm") else guessed
+    known = unit if is_known_unit(unit) else guessed
     coil = "inductive" if quantity == "trigger" and not is_pulse_train(good) else ""
     levels = level_share(good) if pulses else 0.0
     beats = (_half_waves(good) / 2.0 if coil else pulse_count(good)) if quantity in TRAINS else 0.0
@@ -233,8 +235,6 @@ def _quantity(name: str, hint: str, unit: str, values: Array) -> str:
     """Return what a channel seems to be by its unit, its name (or that of a file for itself) and its samples."""
     dimension = unit_kind(unit)
     named = _named(name) or _named(hint)
-    if named == "torque" and unit == "nm":
-        return named  # newton metres in small letters
     if dimension in BY_DIMENSION:
         allowed = BY_DIMENSION[dimension]
         if dimension == "pressure" and re.search(FEED, name, re.IGNORECASE):
