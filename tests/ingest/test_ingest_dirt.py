@@ -188,6 +188,19 @@ def test_rows_between_blanks_that_run_together_are_told(tmp_path: Path):
     assert [finding.code for finding in raw.findings] == ["csv_rows_damaged"]
 
 
+@pytest.mark.parametrize("separator", [";", " "])
+def test_a_short_row_beside_a_long_one_shifts_no_sample(tmp_path: Path, separator: str):
+    """A separator and a line end changed places: the fields of both rows are as many as they should be."""
+    body = [f"{row}{separator}5.5" for row in rows(separator)]
+    body[200:202] = [rows(separator)[200], f"5.5{separator}{body[201]}"]
+    raw = log(tmp_path, f"{HEAD};Gauge [bar]".replace(";", separator).replace(" [", "["), *body)
+    for channel, truth in zip(raw.channels, (TORQUE, PRESSURE), strict=True):
+        found = channel.source.read(0, 10**6)
+        assert np.isnan(found[200:202]).all()
+        np.testing.assert_allclose(np.delete(found, [200, 201]), np.delete(truth, [200, 201]))
+    assert [finding.code for finding in raw.findings] == ["csv_rows_damaged", "time_stamp_damaged"]
+
+
 def test_a_remark_beside_the_first_row_costs_no_slow_channel(tmp_path: Path):
     body = [f"{row};{25 if n % 10 == 2 else ''};{'' if n else 'start'}" for n, row in enumerate(rows())]
     raw = log(tmp_path, HEAD + ";Temp [degC];Remark", *body)

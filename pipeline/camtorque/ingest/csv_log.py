@@ -198,12 +198,7 @@ def parse_block(
     if not block:
         return [np.empty(0) for _ in wanted]
     rows = block.count(b"\n")
-    separators = (layout.n_columns - 1) * rows
-    blanks = layout.separator == " "
-    in_order = (
-        len(block.split()) == separators + rows if blanks else block.count(layout.separator.encode()) == separators
-    )
-    if in_order and block.count(b'"') == 0 and not layout.thousands:
+    if _each_whole(block, rows, layout) and block.count(b'"') == 0 and not layout.thousands:
         try:
             frame = _parse_fast(block, layout, wanted, stamps)
         except (ValueError, OverflowError):
@@ -212,6 +207,15 @@ def parse_block(
             damage.reordered = damage.reordered or damage.renamed
             return [frame[column].to_numpy() for column in wanted]
     return _parse_lines(block, layout, wanted, stamps, damage, line)
+
+
+def _each_whole(block: bytes, rows: int, layout: CsvLayout) -> bool:
+    """Tell whether each row has as many fields as there are columns: pandas passes over one too many of few columns."""
+    if layout.separator == " ":
+        return all(len(row.split()) == layout.n_columns for row in block.split(b"\n")[:-1])
+    mark = layout.separator.encode()
+    others = bytes(set(range(256)) - set(mark + b"\n"))
+    return block.translate(None, others) == ((layout.n_columns - 1) * mark + b"\n") * rows
 
 
 def _parse_fast(block: bytes, layout: CsvLayout, wanted: list[int], stamps: Mapping[int, str]) -> pd.DataFrame:
