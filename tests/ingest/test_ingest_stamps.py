@@ -1,10 +1,11 @@
 """Time stamps: rate from the whole stretch, jumps and damaged stamps found where they are."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from camtorque.ingest.cells import STAMPS
 from camtorque.ingest.raw import ArraySource
-from camtorque.ingest.stamp_texts import seconds_of_texts
+from camtorque.ingest.stamp_texts import kind_of_dates, seconds_of_texts
 from camtorque.ingest.stamps import read_stamps
 from camtorque.records import Refusal
 from camtorque.units import counted
@@ -118,7 +119,8 @@ def test_what_is_no_time_base_is_refused(times: np.ndarray, message: str):
 
 def test_a_first_number_above_twelve_is_a_day() -> None:
     texts = ["05/12/2024 10:00:00", "25/12/2024 10:00:00"]
-    assert np.diff(seconds_of_texts(texts, "slashes")) == pytest.approx(20.0 * 86_400.0)
+    kind = kind_of_dates(pd.Series(texts), "slashes")
+    assert np.diff(seconds_of_texts(texts, kind)) == pytest.approx(20.0 * 86_400.0)
     assert np.diff(seconds_of_texts(["05/12/2024 10:00:00", "05/13/2024 10:00:00"], "slashes")) == 86_400.0
 
 

@@ -331,6 +331,30 @@ def test_american_stamps_of_the_afternoon(tmp_path: Path):
     assert raw.channels[0].stamp == pytest.approx(np.datetime64("2024-03-12T13:59:59.99").astype("int64") / 1e3)
 
 
+@pytest.mark.parametrize("block", [512, 1 << 20])
+@pytest.mark.parametrize("half", ["", " PM"])
+def test_a_date_with_slashes_is_read_alike_in_the_whole_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, block: int, half: str
+):
+    """Of the twelfth, which may be a month, and of the thirteenth, which may not."""
+    monkeypatch.setattr(csv_log, "BLOCK_BYTES", block)
+    stamps = [f"12/11/2024 11:59:59.{990000 + 50 * n:06d}{half}" for n in range(200)]
+    stamps += [f"13/11/2024 {'12' if half else '00'}:00:00.{50 * n:06d}{' AM' * bool(half)}" for n in range(200)]
+    if not half:
+        stamps[:200] = [text.replace(" 11:", " 23:") for text in stamps[:200]]
+    raw = both(stamped(tmp_path, "Timestamp", stamps))
+    assert_read(raw)
+    assert raw.channels[0].stamp == pytest.approx(np.datetime64("2024-11-12T23:59:59.99").astype("int64") / 1e3)
+
+
+def test_a_damaged_stamp_does_not_turn_month_and_day(tmp_path: Path):
+    stamps = [f"11/25/2024 10:00:00.{50 * n:06d}" for n in range(400)]
+    stamps[100] = stamps[100].replace("11/", "31/")
+    raw = both(stamped(tmp_path, "Timestamp", stamps))
+    assert raw.channels[0].stamp == pytest.approx(np.datetime64("2024-11-25T10:00:00").astype("int64"))
+    assert {row.code for row in raw.findings} == {"csv_cells_damaged", "time_stamp_damaged"}
+
+
 def test_a_time_of_day_may_pass_midnight(tmp_path: Path):
     stamps = [f"12.03.2024;23:59:59.{990000 + 50 * n:06d}" for n in range(200)]
     stamps += [f"13.03.2024;00:00:00.{50 * n:06d}" for n in range(200)]

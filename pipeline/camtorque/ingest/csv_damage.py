@@ -21,6 +21,7 @@ class Damage:
     renamed : line that names the columns anew, 0 for none; nothing is wrong unless rows follow
     reordered : line of a header that is another one, or in another order, and has rows below
     parting : sign between thousands of a cell, "" where none has one
+    day_first : whether dates with slashes turn out to have their day first below rows that were read with the month
     """
 
     rows: array[int] = field(default_factory=lambda: array("q"))
@@ -30,6 +31,7 @@ class Damage:
     renamed: int = 0
     reordered: int = 0
     parting: str = ""
+    day_first: bool = False
 
     def end_at(self, line: int) -> None:
         """Forget what lies below a line: no part of the table."""

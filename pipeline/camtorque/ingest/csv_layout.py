@@ -42,6 +42,7 @@ class CsvLayout:
     thousands : sign between thousands, "" for none
     repeated : lines of the header, which some loggers write anew before each block
     words : numbers of the columns that hold words
+    day_first : dates with slashes have their day first, as rows far below say
     """
 
     encoding: str
@@ -58,6 +59,7 @@ class CsvLayout:
     thousands: str = ""
     repeated: frozenset[str] = frozenset()
     words: frozenset[int] = frozenset()
+    day_first: bool = False
 
     @property
     def n_columns(self) -> int:
@@ -117,7 +119,8 @@ class CsvLayout:
     def stamp_kind(self, column: int | None) -> str:
         """Return the key of `STAMPS` that a column's first field is, "" for a number."""
         field = self.first_row[column] if column is not None else ""
-        return next((kind for kind, pattern in STAMPS.items() if pattern.match(field)), "")
+        kind = next((kind for kind, pattern in STAMPS.items() if pattern.match(field)), "")
+        return "day first" if kind == "slashes" and self.day_first else kind
 
 
 def sniff(path: Path, wanted: tuple[str, ...]) -> CsvLayout:

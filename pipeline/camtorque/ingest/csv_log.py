@@ -27,7 +27,7 @@ from camtorque.ingest.csv_layout import CsvLayout, is_other_header, layout_findi
 from camtorque.ingest.csv_table import is_row, split_row
 from camtorque.ingest.listing import listed
 from camtorque.ingest.raw import IN_MEMORY_BYTES, ArraySource, FileChannel, PairSource, RawFile, read_into, refusing
-from camtorque.ingest.stamp_texts import seconds_of, seconds_of_texts
+from camtorque.ingest.stamp_texts import kind_of_dates, seconds_of, seconds_of_texts
 from camtorque.ingest.table_rows import is_fraction, rows_without_time
 from camtorque.records import Array, Finding, Refusal, SampleSource
 
@@ -114,11 +114,13 @@ class Parsed:
 
 
 def _parsed(path: Path, layout: CsvLayout, wanted: list[int], times: set[int]) -> Parsed:
-    """Parse the wanted columns, once more where a number below the lines that told the layout has thousands parted."""
+    """Parse the wanted columns, once more where a row below the lines that told the layout has it otherwise."""
     damage = Damage()
     sources, tail = _columns(path, layout, wanted, times, damage)
     if damage.parting:
         return _parsed(path, replace(layout, thousands=damage.parting), wanted, times)
+    if damage.day_first:
+        return _parsed(path, replace(layout, day_first=True), wanted, times)
     return Parsed(sources, layout, (*damage_findings(damage, path.name), *tail))
 
 
@@ -135,7 +137,9 @@ def _columns(
     for block, is_cut in _blocks(path, layout):
         if is_cut:
             block, tail = b"", block
+        before = dict(stamps)
         values = parse_block(block, layout, wanted, stamps, damage, line)
+        damage.day_first |= count > 0 and stamps != before
         if damage.reordered:
             raise Refusal(
                 f"{path} line {damage.reordered}: repeats the header in another order, or with other names, so that "
@@ -192,9 +196,9 @@ def _shape(row: str, layout: CsvLayout) -> tuple[int, bool, int]:
 
 
 def parse_block(
-    block: bytes, layout: CsvLayout, wanted: list[int], stamps: Mapping[int, str], damage: Damage, line: int
+    block: bytes, layout: CsvLayout, wanted: list[int], stamps: dict[int, str], damage: Damage, line: int
 ) -> list[Array]:
-    """Return one array per wanted column; ``stamps``: columns of date and time -> key of `STAMPS`."""
+    """Return one array per wanted column; ``stamps``: columns of date and time -> key of `STAMPS`, put right."""
     if not block:
         return [np.empty(0) for _ in wanted]
     rows = block.count(b"\n")
@@ -218,7 +222,7 @@ def _each_whole(block: bytes, rows: int, layout: CsvLayout) -> bool:
     return block.translate(None, others) == ((layout.n_columns - 1) * mark + b"\n") * rows
 
 
-def _parse_fast(block: bytes, layout: CsvLayout, wanted: list[int], stamps: Mapping[int, str]) -> pd.DataFrame:
+def _parse_fast(block: bytes, layout: CsvLayout, wanted: list[int], stamps: dict[int, str]) -> pd.DataFrame:
     levels = [column for column in wanted if layout.has_levels(column)]
     frame = pd.read_csv(
         io.BytesIO(block),
@@ -235,14 +239,15 @@ def _parse_fast(block: bytes, layout: CsvLayout, wanted: list[int], stamps: Mapp
         encoding="latin-1",
     )
     for column, kind in stamps.items():
-        frame[column] = seconds_of(frame[column], kind)
+        stamps[column] = kind_of_dates(frame[column], kind)
+        frame[column] = seconds_of(frame[column], stamps[column])
     for column in levels:
         frame[column] = frame[column].str.strip().str.lower().map(LEVELS)
     return frame
 
 
 def _parse_lines(
-    block: bytes, layout: CsvLayout, wanted: list[int], stamps: Mapping[int, str], damage: Damage, first: int
+    block: bytes, layout: CsvLayout, wanted: list[int], stamps: dict[int, str], damage: Damage, first: int
 ) -> list[Array]:
     """Parse line by line; a damaged row or cell is nan and counted, two rows run together are two."""
     rows: list[tuple[int, list[float], list[str]]] = []
@@ -276,7 +281,8 @@ def _parse_lines(
     columns = list(np.array([values for _, values, _ in rows]).T.copy())
     for place, (column, kind) in enumerate(stamps.items() if rows else ()):
         texts = [texts[place] for _, _, texts in rows]
-        columns[wanted.index(column)] = seconds = seconds_of_texts(texts, kind)
+        stamps[column] = kind_of_dates(pd.Series(texts, dtype=str), kind)
+        columns[wanted.index(column)] = seconds = seconds_of_texts(texts, stamps[column])
         damage.cells.extend(rows[n][0] for n in np.flatnonzero(np.isnan(seconds)) if texts[n].lower() not in MISSING)
     return columns or [np.empty(0) for _ in wanted]
 

@@ -11,9 +11,10 @@ import pandas as pd
 from camtorque.ingest.cells import MONTHS, PERIODS
 from camtorque.records import Array
 
+CLOCK = r"(?P<clock>\S+( ?[AaPp][Mm])?)$"
 DATES = {
-    "day first": r"^(?P<day>\d{1,2})[./-](?P<month>\d{1,2})[./-](?P<year>(\d\d){1,2})[ T]+(?P<clock>\S+)$",
-    "slashes": r"^(?P<month>\d{1,2})/(?P<day>\d{1,2})/(?P<year>(\d\d){1,2})[ T]+(?P<clock>\S+( ?[AaPp][Mm])?)$",
+    "day first": r"^(?P<day>\d{1,2})[./-](?P<month>\d{1,2})[./-](?P<year>(\d\d){1,2})[ T]+" + CLOCK,
+    "slashes": r"^(?P<month>\d{1,2})/(?P<day>\d{1,2})/(?P<year>(\d\d){1,2})[ T]+" + CLOCK,
     "year first": r"^(?P<year>\d{4})[./](?P<month>\d{1,2})[./](?P<day>\d{1,2})[ T]+(?P<clock>\S+)$",
     "month name": r"^(?P<day>\d{1,2})[- ](?P<month>[A-Za-z]{3})[- ](?P<year>\d{4})[ T]+(?P<clock>\S+)$",
 }
@@ -44,8 +45,6 @@ def seconds_of(texts: pd.Series, kind: str, errors: Literal["raise", "coerce"] =
         texts = texts.str.removesuffix("UTC").str.strip()
     else:
         parts = texts.str.extract(DATES[kind])
-        if kind == "slashes" and (pd.to_numeric(parts["month"]) > MONTHS).any():  # then it is the day
-            parts = parts.rename(columns={"month": "day", "day": "month"})
         parts["year"] = parts["year"].str.replace(r"^(\d\d)$", r"20\1", regex=True)
         parts["month"] = parts["month"].str.lower().replace(MONTH_NAMES)
         padded = [parts[name].str.zfill(2) for name in ("year", "month", "day")]
@@ -53,6 +52,15 @@ def seconds_of(texts: pd.Series, kind: str, errors: Literal["raise", "coerce"] =
         texts = padded[0] + "-" + padded[1] + "-" + padded[2] + "T" + clock
     times = pd.to_datetime(texts, utc=True, format="ISO8601", errors=errors)
     return (times - pd.Timestamp(0, tz="UTC")) / pd.Timedelta(seconds=1)
+
+
+def kind_of_dates(texts: pd.Series, kind: str) -> str:
+    """Return the kind of stamps; slashes are ``day first`` where more of them have no month in front than behind."""
+    if kind != "slashes":
+        return kind
+    parts = texts.str.extract(r"^\s*(\d+)/(\d+)/").astype(np.float64)
+    first, second = (parts > MONTHS).sum()
+    return "day first" if first > second else kind
 
 
 def _whole_day(clock: pd.Series, errors: Literal["raise", "coerce"]) -> pd.Series:
