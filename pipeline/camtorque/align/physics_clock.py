@@ -153,19 +153,19 @@ def _best_shifts(rows: Mapping[str, Array], pair: Pair, sign: float) -> Array:
 
     Each is that of the best correlation over the rising lift.
     """
-    velocity = lift_velocity(pair.table, N_THETA)
+    velocity, by_line = lift_velocity(pair.table, N_THETA), pair.own == "pressure"
     torques, lines = sign * rows["torque"], np.maximum(rows["pressure"], 0.0)
-    rise, shifts = velocity > RISING * velocity.max(), np.arange(-WIDEST_SHIFT, WIDEST_SHIFT + 1)
-    found, score = np.full(len(torques), np.nan), np.empty(shifts.size)
-    for cycle, (torque, line) in enumerate(zip(torques, lines, strict=True)):
-        for i, shift in enumerate(shifts):
-            a = torque if pair.own == "pressure" else np.roll(torque, -shift)
-            b = (np.roll(line, -shift) if pair.own == "pressure" else line) * velocity
-            score[i] = np.corrcoef(a[rise], b[rise])[0, 1]
-        best = int(np.argmax(score))
-        if 0 < best < shifts.size - 1:
-            left, middle, right = score[best - 1 : best + 2]
-            found[cycle] = shifts[best] + 0.5 * (left - right) / (left - 2.0 * middle + right)
+    rise, shifts = np.flatnonzero(velocity > RISING * velocity.max()), np.arange(-WIDEST_SHIFT, WIDEST_SHIFT + 1)
+    found, score = np.full(len(torques), np.nan), np.empty((len(torques), shifts.size))
+    for i, shift in enumerate(shifts):
+        moved = (rise + shift) % N_THETA
+        torque, line = torques[:, rise if by_line else moved], lines[:, moved if by_line else rise] * velocity[rise]
+        a, b = (part - np.mean(part, axis=1, keepdims=True) for part in (torque, line))
+        score[:, i] = np.sum(a * b, axis=1) / np.sqrt(np.sum(a * a, axis=1) * np.sum(b * b, axis=1))
+    best = np.argmax(score, axis=1)
+    inside = np.flatnonzero((best > 0) & (best < shifts.size - 1))
+    left, middle, right = (score[inside, best[inside] + step] for step in (-1, 0, 1))
+    found[inside] = shifts[best[inside]] + 0.5 * (left - right) / (left - 2.0 * middle + right)
     return found
 
 
