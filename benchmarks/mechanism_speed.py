@@ -29,9 +29,9 @@ from camtorque.mechanism.elastic import solve_elastic
 from camtorque.mechanism.mounting import Mounting, PumpUnit
 from camtorque.mechanism.shaft import METHODS, solve_shaft
 from camtorque.mechanism.torque import closed_form_tables
-from camtorque.studies.dynamics import cycle_rows, evaluate_cycles
 from engine_cases import ENGINES, Sample
 from mechanism_cases import analytic_law, paper_pump
+from mechanism_pass import cycle_rows, evaluate_cycles
 
 MODULES = {"pinocchio": "pinocchio", "mujoco": "mujoco"}
 PUMP_COUNTS = (1, 2, 4, 8, 16, 32, 64)
@@ -234,7 +234,7 @@ and y, guide force and moment, Hertz stress). {machine}.
 ![cost](mechanism_speed.png)
 
 - The compiled closed form is bound by memory: it writes what the copy writes. The target is 1.1 times the copy.
-  It is the pass of the study of inverse dynamics; commands solve the closed form with its kinematics included.
+  No command takes that pass (`benchmarks/mechanism_pass.py`): they solve the closed form with its kinematics included.
 - "Kinematics included, one cycle" is a call of `solve_shaft` from the lift law on, with its checks, eleven outputs and
   fresh memory for them; the target is 15 times the copy.
 - Recursion, closed form and elastic shaft (fixed-point iteration to 1e-12, whole-shaft stiffness kept) grow in

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from camtorque.mechanism.torque import closed_form_tables
-from camtorque.studies.dynamics import cycle_rows, evaluate_cycles
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "mechanism"))
+sys.path.append(str(Path(__file__).resolve().parents[2] / "benchmarks"))
 from mechanism_cases import CASES, analytic_law, case
+from mechanism_pass import cycle_rows, evaluate_cycles
 
 LAW = analytic_law()
 OUTPUTS = ("torque", "contact_normal", "contact_tangential", "bearing_x", "bearing_y", "guide", "guide_moment")
