@@ -522,7 +522,6 @@ def test_ninety_five_percent_of_sound_cycles_are_used() -> None:
         ({"n_theta": "3600"}, "n_theta is '3600', expected a whole number"),
         ({"steady_change": -1.0}, "steady_change is -1.0, expected a positive number"),
         ({"interpolation": "spline"}, "interpolation is 'spline'"),
-        ({"block_samples": 10}, "block_samples is 10"),
     ],
 )
 def test_wrong_options_are_refused(options: dict, message: str) -> None:

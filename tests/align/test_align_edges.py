@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from align_truth import Rig, Samples, Shaft, make, trigger_channel
 from camtorque.align import align
+from camtorque.signal import edges as edge_search
 from camtorque.signal.edges import find_edges
 
 
@@ -63,14 +64,15 @@ def test_edges_of_a_short_log_of_a_coarse_trigger_are_no_lost_samples() -> None:
 
 
 @pytest.mark.parametrize("rpm", [5.0, 60.0, 3000.0, 20000.0])
-def test_edges_are_found_at_any_speed_beside_hum_and_standstill(rpm: float) -> None:
+def test_edges_are_found_at_any_speed_beside_hum_and_standstill(rpm: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(edge_search, "BLOCK", 8192)
     rate = max(2e3, 1000.0 * rpm / 60.0)
     rig = Rig(shaft=Shaft(rpm=rpm), duration=12.0 * 60.0 / rpm, trigger_rate=rate, flank=2.0 / rate)
     channel = trigger_channel(rig)
     still = np.full(channel.n_samples // 2, 0.06)
     volts = np.r_[still, channel.source.values]
     volts = volts + 0.4 * np.sin(2.0 * np.pi * 50.0 * np.arange(volts.size) / rate)
-    edges = find_edges(replace(channel, source=Samples(volts)), "rising", block_samples=4096)
+    edges = find_edges(replace(channel, source=Samples(volts)), "rising")
     truth = rig.pulse_times() + rig.switching_delay
     truth = truth[(truth > 0.0) & (truth < rig.duration - 4.0 / rate)]
     assert edges.time.size == truth.size

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from align_truth import LogClock, Rig, Samples, Shaft, angle_error_deg, make, pressure_of, torque_of, trigger_channel
 from camtorque.align import AlignOptions, align, angle
+from camtorque.align import channels as aligned_channels
 from camtorque.align.budget import RESAMPLING_DEG
 from camtorque.align.timebase import time_base
 from camtorque.records import Channel
+from camtorque.signal import edges as edge_search
 from camtorque.signal.edges import find_edges
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -163,7 +165,7 @@ def test_clock_over_a_minute_within_a_ppm_and_twenty_microseconds() -> None:
 
 def test_a_pulse_that_two_loggers_saw_has_the_noise_of_their_mean() -> None:
     rig = replace(NOISY, clock_kind="independent", clocks={"B": LogClock(0.1, 20e-6)}, duration=6.0)
-    base = time_base(make(rig), "A", AlignOptions())
+    base = time_base(make(rig), "A")
     one, other = (base.triggers[logger].edges.noise for logger in ("A", "B"))
     assert base.edge_noise == pytest.approx((one**-2.0 + other**-2.0) ** -0.5)
     assert base.edge_noise < min(one, other)
@@ -176,7 +178,7 @@ def test_two_loggers_without_any_noise_are_fused() -> None:
         for c in recording.channels
     )
     recording = replace(recording, channels=quiet)
-    base = time_base(recording, "A", AlignOptions())
+    base = time_base(recording, "A")
     assert [base.triggers[logger].edges.noise for logger in ("A", "B")] == [0.0, 0.0]
     assert base.edge_noise < 1e-9
     assert np.max(np.abs(angle_errors(align(recording)))) < ANGLE_DEG
@@ -185,7 +187,7 @@ def test_two_loggers_without_any_noise_are_fused() -> None:
 def test_a_pulse_that_one_logger_missed_is_where_the_other_saw_it() -> None:
     rig = replace(NOISY, clock_kind="independent", clocks={"B": LogClock(0.1, 20e-6)}, duration=6.0, edge_jitter=2e-4)
     recording = make(rig)
-    seen = time_base(recording, "A", AlignOptions())
+    seen = time_base(recording, "A")
     missed = seen.triggers["B"].train.time[20] - recording.of("trigger")[1].start_time
 
     def without(c: Channel) -> Channel:
@@ -197,7 +199,7 @@ def test_a_pulse_that_one_logger_missed_is_where_the_other_saw_it() -> None:
     other = recording.of("trigger")[1]
     assert other.logger == "B"
     channels = tuple(without(c) if c is other else c for c in recording.channels)
-    base = time_base(replace(recording, channels=channels), "A", AlignOptions())
+    base = time_base(replace(recording, channels=channels), "A")
     assert list(np.flatnonzero(base.triggers["B"].train.repaired)) == [20]
     at = int(np.argmin(np.abs(seen.train.time - seen.clocks["B"].to_reference(seen.triggers["B"].train.time[20:21]))))
     alone = base.triggers["A"].train.time
@@ -227,10 +229,12 @@ def test_edge_times_are_right_within_their_standard_error(rate: float, best_us: 
     assert 0.4 * rms < edges.noise < 2.5 * rms
 
 
-def test_blocks_change_nothing() -> None:
+def test_blocks_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     recording = make(NOISY)
     whole = align(recording)
-    pieces = align(recording, AlignOptions(block_samples=1024))
+    monkeypatch.setattr(aligned_channels, "BLOCK", 1024)
+    monkeypatch.setattr(edge_search, "BLOCK", 2048)
+    pieces = align(recording)
     np.testing.assert_array_equal(whole.index, pieces.index)
     # The plateaus of edges are pooled within a block: edge times may differ by their noise.
     np.testing.assert_allclose(pieces.torque, whole.torque, atol=0.02)

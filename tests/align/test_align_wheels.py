@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from align_truth import TWO_PI, Samples, Shaft, angle_error_deg, pressure_of, torque_of
-from camtorque.align import AlignOptions, align
+from camtorque.align import align
 from camtorque.align.timebase import time_base
 from camtorque.fit.prepare import cam_swing, over_even_angle
 from camtorque.laws.swing import swing_of
@@ -240,13 +240,13 @@ def test_of_two_channels_that_tell_the_angle_the_one_that_counts_is_named() -> N
     channels = (pulse_channel(wheel, "encoder_a", encoder(wheel, 0.0)), replace(pulse, quantity="trigger", name="Z"))
     recording = wheel_recording(wheel, *channels)
     trigger = replace(recording.config.trigger, pulses_per_rev=1)
-    base = time_base(replace(recording, config=replace(recording.config, trigger=trigger)), "DAQ", AlignOptions())
+    base = time_base(replace(recording, config=replace(recording.config, trigger=trigger)), "DAQ")
     (told,) = (finding for finding in base.findings if finding.code == "angle_told_twice")
     assert told.severity == "warning"
     assert "is that of 'Z' (trigger), which nominal_angle_deg is of; 'encoder_a' (encoder_a) on the same" in told.text
     assert told.text.endswith('what does not count, or quantity = "index" under one pulse per turn beside an encoder')
     alone = wheel_recording(wheel, channels[0], pulse)
-    assert "angle_told_twice" not in {row.code for row in time_base(alone, "DAQ", AlignOptions()).findings}
+    assert "angle_told_twice" not in {row.code for row in time_base(alone, "DAQ").findings}
 
 
 def test_encoder_that_swings_back_is_counted_once() -> None:
@@ -260,7 +260,7 @@ def test_encoder_that_swings_back_is_counted_once() -> None:
     index = np.r_[index[:j], np.zeros(2 * (j - i), dtype=bool), index[j:]][: index.size].astype(float)
     recording = wheel_recording(wheel, *channels, pulse_channel(wheel, "index", index))
     # torque and pressure ran on: only the numbering is looked at
-    base = time_base(recording, "DAQ", AlignOptions())
+    base = time_base(recording, "DAQ")
     assert "encoder_reversed" in {finding.code for finding in base.findings}
     assert "trigger_slipped" not in {finding.code for finding in base.findings}
 

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 from align_truth import TWO_PI, Rig, Samples, Shaft, physical_channel, recording_of
 from camtorque.align.angle import cam_angle
-from camtorque.align.options import AlignOptions
 from camtorque.align.timebase import time_base
 from camtorque.records import Channel, Recording
 
@@ -140,7 +139,7 @@ class Judged:
 
 def judged(wheel: Wheel, recording: Recording) -> Judged:
     """Compare the angle of every pulse that was used with the truth."""
-    base = time_base(recording, "DAQ", AlignOptions())
+    base = time_base(recording, "DAQ")
     angle = cam_angle(base.train, recording.config.trigger, base.pulses_per_cycle, base.places)
     truth = wheel.true_angle(base.train.time)
     error = (angle.angle - truth + np.pi) % TWO_PI - np.pi

@@ -24,6 +24,8 @@ from camtorque.units import TURN
 
 CUT_BY = ("torque", "pressure")
 """Quantities whose damage costs a cycle."""
+BLOCK = 1 << 18
+"""Samples resampled at a time: they and their rows fit into the processor's cache."""
 MARGIN = 3
 """Samples beyond the ends of a cycle that interpolation and bin borders may touch."""
 
@@ -188,7 +190,7 @@ def _align_channel(channel: Channel, turns: Turns, complete: Mask, reading: thre
     )
     rate = (1.0 + 1e-6 * clock.fit.skew_ppm) * channel.sample_rate
     shift = positions(channel, clock, middle) - rate * middle
-    for group in _groups(first, stop, complete, cycles, options.block_samples):
+    for group in _groups(first, stop, complete, cycles):
         with reading:
             volts = np.require(channel.source.read(first[group][0], stop[group][-1]), np.float64, ["C", "W"])
         place = shift[group] - first[group][0]
@@ -212,13 +214,7 @@ def _law(channel: Channel) -> tuple[tuple[float, float], tuple[float, float]]:
     return (calibration.zero_volts / channel.scale, channel.sign * channel.scale * calibration.gain), (low, high)
 
 
-def _groups(
-    first: Integers,
-    stop: Integers,
-    complete: Mask,
-    cycles: Integers,
-    block_samples: int,
-) -> Iterator[slice]:
+def _groups(first: Integers, stop: Integers, complete: Mask, cycles: Integers) -> Iterator[slice]:
     """Yield runs of complete consecutive cycles that fit into a block; one that is longer is a run by itself."""
     follows = complete[1:] & (np.diff(cycles) == 1)
     k = 0
@@ -227,7 +223,7 @@ def _groups(
             k += 1
             continue
         last = k
-        while last < follows.size and follows[last] and stop[last + 1] - first[k] <= block_samples:
+        while last < follows.size and follows[last] and stop[last + 1] - first[k] <= BLOCK:
             last += 1
         yield slice(k, last + 1)
         k = last + 1

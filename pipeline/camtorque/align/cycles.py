@@ -71,7 +71,7 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     """
     options = options or AlignOptions()
     channels = measured(recording)
-    base = settled_phase(recording, time_base(recording, channels.reference, options), channels, options)
+    base = settled_phase(recording, time_base(recording, channels.reference), channels)
     base = by_few_teeth(base, recording.config.id)
     angle = cam_angle(base.train, recording.config.trigger, base.pulses_per_cycle, base.places)
     turns = Turns(angle, base.clocks, options)

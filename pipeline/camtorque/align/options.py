@@ -29,7 +29,6 @@ class AlignOptions:
     steady_band : largest relative distance of a cycle's speed from the recording's
     outlier_z : robust z of a cycle's distance from the robust mean cycle beyond which it is an outlier
     repaired_angle_deg : a repaired pulse is used when its expected error is below this
-    block_samples : samples read at a time (a block and its results fit into the processor's cache)
     notes : remarks on how these options were chosen; they stand among the findings
     """
 
@@ -39,7 +38,6 @@ class AlignOptions:
     steady_band: float = 0.02
     outlier_z: float = 8.0
     repaired_angle_deg: float = 0.15
-    block_samples: int = 1 << 18
     notes: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
@@ -50,5 +48,3 @@ class AlignOptions:
                 raise Refusal(f"align: {name} is {getattr(self, name)!r}, expected a positive number")
         if self.interpolation not in INTERPOLATIONS:
             raise Refusal(f"align: interpolation is {self.interpolation!r}, expected one of {INTERPOLATIONS}")
-        if self.block_samples < 1024:
-            raise Refusal(f"align: block_samples is {self.block_samples}, expected at least 1024")

@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 
 from camtorque.align.counter import counter_train
-from camtorque.align.options import AlignOptions
 from camtorque.align.pulses import PulseTrain, TriggerTrain
 from camtorque.align.teeth import broken_before, mark_misfit, number_counts, number_teeth
 from camtorque.config import TriggerSpec
@@ -34,7 +33,7 @@ MOST_PULSES = 120
 """Pulses per turn of the cam that are kept of a fine encoder: one in three degrees sees every speed of a shaft."""
 
 
-def trigger_trains(recording: Recording, options: AlignOptions) -> dict[str, TriggerTrain]:
+def trigger_trains(recording: Recording) -> dict[str, TriggerTrain]:
     """Return the pulses of each logger that recorded the angle, the switching delay taken off.
 
     Raises
@@ -45,7 +44,7 @@ def trigger_trains(recording: Recording, options: AlignOptions) -> dict[str, Tri
     for quantity, source in SOURCES.items():
         for channel in recording.of(quantity):
             if channel.logger not in trains:
-                found = source(recording, channel, options)
+                found = source(recording, channel)
                 time = found.train.time - recording.config.trigger.switching_delay
                 trains[channel.logger] = replace(found, train=replace(found.train, time=time))
     if not trains:
@@ -78,14 +77,14 @@ def _passed_over(recording: Recording, used: Channel) -> tuple[Finding, ...]:
     return (Finding("angle_told_twice", "warning", text, used.where),)
 
 
-def _wheel(recording: Recording, channel: Channel, options: AlignOptions) -> TriggerTrain:
+def _wheel(recording: Recording, channel: Channel) -> TriggerTrain:
     """Return the pulses of a trigger or tooth wheel."""
     spec = recording.config.trigger
-    index = _index(recording, channel, options)
+    index = _index(recording, channel)
     if spec.sensor == "inductive" and spec.missing_teeth:
-        edges, train = _coil_with_gap(channel, spec, index, options)
+        edges, train = _coil_with_gap(channel, spec, index)
     else:
-        edges = find_pulses(channel, spec.sensor, spec.edge, options.block_samples)
+        edges = find_pulses(channel, spec.sensor, spec.edge)
         _refuse_single_pulse(edges.time, recording, channel.where)
         train = number_teeth(edges.time, spec, channel.where, index)
     return TriggerTrain(channel, edges, train, spec.pulses_per_cycle)
@@ -104,14 +103,12 @@ def _refuse_single_pulse(time: Array, recording: Recording, where: str) -> None:
         )
 
 
-def _coil_with_gap(
-    channel: Channel, spec: TriggerSpec, index: Array | None, options: AlignOptions
-) -> tuple[Edges, PulseTrain]:
+def _coil_with_gap(channel: Channel, spec: TriggerSpec, index: Array | None) -> tuple[Edges, PulseTrain]:
     """Return the crossings at the teeth of a coil; those between the teeth show the gap in the wrong place."""
     trials: dict[str, tuple[float, Edges, PulseTrain]] = {}
     refusals = []
     for edge in (spec.edge, TURNED[spec.edge]):
-        edges = find_crossings(channel, edge, options.block_samples)
+        edges = find_crossings(channel, edge)
         try:
             train = number_teeth(edges.time, spec, channel.where, index)
         except Refusal as found:
@@ -133,14 +130,14 @@ def _coil_with_gap(
     ), train
 
 
-def _encoder(recording: Recording, channel: Channel, options: AlignOptions) -> TriggerTrain:
+def _encoder(recording: Recording, channel: Channel) -> TriggerTrain:
     """Return the pulses of track A of an encoder; track B tells which of them went back."""
     spec = recording.config.trigger
-    edges, index = find_edges(channel, spec.edge, options.block_samples), _index(recording, channel, options)
+    edges, index = find_edges(channel, spec.edge), _index(recording, channel)
     findings: tuple[Finding, ...] = ()
     track_b = [other for other in recording.of("encoder_b") if other.logger == channel.logger]
     if track_b:
-        time, findings = _forward_only(edges, find_edges(track_b[0], "rising", options.block_samples), channel.where)
+        time, findings = _forward_only(edges, find_edges(track_b[0], "rising"), channel.where)
         train = number_counts(time, spec, channel.where, index)
     else:
         train = number_teeth(edges.time, spec, channel.where, index)
@@ -187,7 +184,7 @@ def thinned(train: PulseTrain, every: int) -> PulseTrain:
     )  # fmt: skip
 
 
-def _index(recording: Recording, channel: Channel, options: AlignOptions) -> Array | None:
+def _index(recording: Recording, channel: Channel) -> Array | None:
     """Return the edge times of the index channel that shares a channel's clock.
 
     The declared edge holds for it too; beside a coil, whose edge is the way of its crossing, the leading one counts.
@@ -196,14 +193,14 @@ def _index(recording: Recording, channel: Channel, options: AlignOptions) -> Arr
     edge = "rising" if spec.sensor == "inductive" else spec.edge
     for index in recording.of("index"):
         if recording.config.share_clock(index.logger, channel.logger):
-            return find_edges(index, edge, options.block_samples).time
+            return find_edges(index, edge).time
     return None
 
 
-SOURCES: dict[str, Callable[[Recording, Channel, AlignOptions], TriggerTrain]] = {
+SOURCES: dict[str, Callable[[Recording, Channel], TriggerTrain]] = {
     "trigger": _wheel,
     "encoder_a": _encoder,
-    "angle": lambda recording, channel, _: counter_train(channel, recording.config.trigger.revolutions_per_cycle),
+    "angle": lambda recording, channel: counter_train(channel, recording.config.trigger.revolutions_per_cycle),
 }
 """Quantity of a channel that tells the angle -> its pulses; the first that a logger has is used."""
 ANGLE_CHANNELS = (*SOURCES, "encoder_b", "index")

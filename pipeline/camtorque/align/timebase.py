@@ -76,14 +76,14 @@ class TimeBase:
         return float(np.hypot(spread, self.places.at(self.train.offset)[1]))
 
 
-def time_base(recording: Recording, reference: str, options: AlignOptions) -> TimeBase:
+def time_base(recording: Recording, reference: str) -> TimeBase:
     """Find the pulses of every trigger channel and put all loggers on the clock of ``reference``.
 
     Raises
     ------
     Refusal : a trigger without pulses, or a logger with its own clock and nothing to tie it to the others
     """
-    triggers = trigger_trains(recording, options)
+    triggers = trigger_trains(recording)
     on_base = [trigger for logger, trigger in triggers.items() if recording.config.share_clock(logger, reference)]
     main = next(iter((*on_base, *triggers.values())))
     clocks = _clocks(recording, triggers, main)
@@ -248,7 +248,7 @@ def _turns(channel: Channel, clock: Clock, edge: float, turn: float) -> bool:
     return usual > 0.0 and all(swing(1.0 + LATE + k) > STILL_TURNING * usual for k in range(SILENT_TURNS))
 
 
-def settled_phase(recording: Recording, base: TimeBase, channels: Measured, options: AlignOptions) -> TimeBase:
+def settled_phase(recording: Recording, base: TimeBase, channels: Measured) -> TimeBase:
     """Return the time base with the pulses numbered from the right turn of the wheel, and a finding."""
     spec = recording.config.trigger
     turns = spec.revolutions_per_cycle
@@ -256,7 +256,7 @@ def settled_phase(recording: Recording, base: TimeBase, channels: Measured, opti
         return base
     scores = np.zeros(turns)
     if recording.lift_table is not None and "pressure" in channels.main:
-        scores = _scores(_means(recording, base, channels, options), recording.cam_table, turns)
+        scores = _scores(_means(recording, base, channels), recording.cam_table, turns)
     order = np.argsort(scores)[::-1]
     best = int(order[0])
     clear = scores[best] > scores[order[1]] + CLEARER
@@ -292,10 +292,10 @@ def by_few_teeth(base: TimeBase, where: str) -> TimeBase:
     )  # fmt: skip
 
 
-def _means(recording: Recording, base: TimeBase, channels: Measured, options: AlignOptions) -> dict[str, Array]:
+def _means(recording: Recording, base: TimeBase, channels: Measured) -> dict[str, Array]:
     """Return the median cycle of torque and pressure on a coarse grid."""
     angle = cam_angle(base.train, recording.config.trigger, base.pulses_per_cycle, base.places)
-    turns = Turns(angle, base.clocks, replace(options, n_theta=COARSE))
+    turns = Turns(angle, base.clocks, AlignOptions(n_theta=COARSE))
     complete = turns.covered(channels.main.values())
     if not complete.any():
         return {}

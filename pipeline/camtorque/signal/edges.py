@@ -30,6 +30,8 @@ from camtorque.signal.running import percentile
 from camtorque.signal.threshold import Threshold
 from camtorque.units import counted
 
+BLOCK = 1 << 19
+"""Samples looked at at a time: they and what is found in them fit into the processor's cache."""
 LONGEST_HALF_WINDOW = 64
 """Samples on either side of an edge that are looked at, at most."""
 REST_HIGH = Threshold(
@@ -85,19 +87,19 @@ class Edges:
     findings: tuple[Finding, ...] = ()
 
 
-def find_edges(channel: Channel, declared: str, block_samples: int = 1 << 20) -> Edges:
+def find_edges(channel: Channel, declared: str) -> Edges:
     """Return the declared edge of every pulse of a channel; the leading one where a ``rising`` one rests high.
 
     Raises
     ------
     Refusal : no pulses in the channel
     """
-    rising, falling, n_missing = _scanned(channel, 2 * block_samples, 0.0)
+    rising, falling, n_missing = _scanned(channel, 0.0)
     heights = np.sort(np.r_[rising.own_height, falling.own_height])
     if heights.size > HIGHEST:
         least = LEAST_HEIGHT * float(heights[-HIGHEST])
         if heights[0] < least:
-            rising, falling, n_missing = _scanned(channel, 2 * block_samples, least)
+            rising, falling, n_missing = _scanned(channel, least)
     high = _high_fraction(rising.before, falling.before)
     inverted = high > REST_HIGH and declared == "rising"
     edge = "falling" if inverted else declared
@@ -119,17 +121,17 @@ def find_edges(channel: Channel, declared: str, block_samples: int = 1 << 20) ->
     return Edges(time, width, height, edge_noise, edge, opposite, findings)
 
 
-def _scanned(channel: Channel, block: int, least: float) -> tuple[EdgeSamples, EdgeSamples, int]:
+def _scanned(channel: Channel, least: float) -> tuple[EdgeSamples, EdgeSamples, int]:
     """Return rising and falling edges of pulses higher than ``least``, and the samples that are missing."""
     compiled = compiled_pays(channel.n_samples)
     transitions = passes_compiled.transitions if compiled else _transitions
     up, down, n_missing, was_high = _Collector(1.0), _Collector(-1.0), 0, -1
-    for start in range(0, channel.n_samples, block):
+    for start in range(0, channel.n_samples, BLOCK):
         first = max(0, start - LONGEST_HALF_WINDOW)
-        last = min(channel.n_samples, start + block + LONGEST_HALF_WINDOW)
+        last = min(channel.n_samples, start + BLOCK + LONGEST_HALF_WINDOW)
         volts, missing, extremes = looked_at(channel.read_volts(first, last), compiled)
         n_missing += missing
-        inside = start - first, min(start + block, channel.n_samples) - first
+        inside = start - first, min(start + BLOCK, channel.n_samples) - first
         window, level, margin = level_windows(volts, extremes, least)
         events, high = transitions(volts, inside, (window, level - margin, level + margin))
         before = np.r_[was_high, high[:-1]]

@@ -38,6 +38,8 @@ MIDDLE_OF_FLANK = 0.4
 """Part of the lower half wave up to which a flank is straight."""
 MOST_FLANK = 24
 """Samples on either side of a crossing that the line uses, at most."""
+BLOCK = 1 << 18
+"""Samples looked at at a time."""
 ROWS = 1 << 14
 """Waves worked on at a time."""
 LEAST_FOR_NOISE = 5
@@ -52,7 +54,7 @@ class Waves:
     height: Array
 
 
-def find_crossings(channel: Channel, declared: str, block_samples: int = 1 << 20) -> Edges:
+def find_crossings(channel: Channel, declared: str) -> Edges:
     """Return the zero crossings of the teeth: from plus to minus for ``falling``, from minus to plus for ``rising``.
 
     Raises
@@ -61,7 +63,7 @@ def find_crossings(channel: Channel, declared: str, block_samples: int = 1 << 20
     """
     sign = -1.0 if declared == "falling" else 1.0
     level, noise = _level_and_noise(channel)
-    waves, n_missing = _all_waves(channel, sign, level, block_samples)
+    waves, n_missing = _all_waves(channel, sign, level)
     waves = _merged(waves, np.full(waves.height.size, _floor(waves, NOISE_HEIGHTS * noise)))
     waves = _merged(waves, REAL_WAVE * _running_percentile(np.abs(waves.height), NEIGHBOURS, USUAL_PERCENTILE))
     ends = np.flatnonzero((waves.height[:-1] < 0.0) & (waves.height[1:] > 0.0)) + 1
@@ -93,12 +95,12 @@ def _level_and_noise(channel: Channel) -> tuple[float, float]:
     return float(np.mean(np.concatenate(parts))) if parts else 0.0, noise
 
 
-def _all_waves(channel: Channel, sign: float, level: float, block: int) -> tuple[Waves, int]:
+def _all_waves(channel: Channel, sign: float, level: float) -> tuple[Waves, int]:
     """Return every half wave of the channel, however low, and the samples that are missing."""
     begins, heights, n_missing = [], [], 0
     state = np.zeros(3)
-    for start in range(0, channel.n_samples, block):
-        volts, missing = without_missing(channel.read_volts(start, min(start + block, channel.n_samples)))
+    for start in range(0, channel.n_samples, BLOCK):
+        volts, missing = without_missing(channel.read_volts(start, min(start + BLOCK, channel.n_samples)))
         n_missing += missing
         begin, height = _half_waves(sign * (volts - level), start, state)
         begins.append(begin)
@@ -201,12 +203,11 @@ def _reach(values: Array, start: Integers, limit: Array, way: int) -> Integers:
     return reach
 
 
-def find_pulses(channel: Channel, sensor: str, edge: str, block_samples: int = 1 << 18) -> Edges:
+def find_pulses(channel: Channel, sensor: str, edge: str) -> Edges:
     """Return the declared edge of every pulse of a pick-up, for `check` and for `align`; ``sensor`` as in [trigger].
 
     Raises
     ------
     Refusal : no pulses in the channel
     """
-    finder = find_crossings if sensor == "inductive" else find_edges
-    return finder(channel, edge, block_samples)
+    return (find_crossings if sensor == "inductive" else find_edges)(channel, edge)
