@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from camtorque.design.loads import FRICTION_NAMES
 from camtorque.finished_fit import (
     Rig,
     chain_of,
@@ -246,6 +245,6 @@ def with_forces(
 
 def friction_of(known: KnownFit, source: FittedAt) -> tuple[float, float, float]:
     """Return guide coefficient, bearing and pin arm of a fitted recording [-, m, m]."""
-    places = known.own(source.id)
-    guide, bearing, pin = (float(known.values[places[n]]) if n in places else 0.0 for n in FRICTION_NAMES)
+    places, names = known.own(source.id), ("guide_friction", "bearing_arm", "pin_arm")
+    guide, bearing, pin = (float(known.values[places[name]]) if name in places else 0.0 for name in names)
     return guide, bearing, pin

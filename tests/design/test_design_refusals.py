@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import pytest
 from camtorque.cli import main
 from camtorque.design import read_task
@@ -129,25 +127,9 @@ def test_a_limit_in_another_unit_that_limits_nothing_is_refused(tmp_path, limit,
         find_front(task, lambda text: None)
 
 
-def result(folder, pump, schema="camtorque.result/1"):
-    """The part of a run's result that a design reads."""
-    units = {"guide_friction": (0.06, "-"), "bearing_arm": (150.0, "um"), "pin_arm": (12.0, "um")}
-    rows = {name: {"value": value, "unit": unit} for name, (value, unit) in units.items()}
-    path = folder / "result.json"
-    path.write_text(json.dumps({"schema": schema, "recording": {"pump": pump}, "parameters": rows}), encoding="utf-8")
-    return f'fit = "{path}"\n'
-
-
-def test_friction_of_a_fit_is_taken_and_that_of_another_pump_refused(tmp_path):
-    parts = {"free": OFFSET, "aims": 'friction_work_j = "least"'}
-    task = task_of(tmp_path, lift=result(tmp_path, "FIP of the paper") + LIFT, **parts)
-    assert task.config.friction == pytest.approx((0.06, 1.5e-4, 1.2e-5))
-    with pytest.raises(Refusal, match=r"is a fit of the pump 'FIP-B', expected that of .*, whose id is 'FIP"):
-        task_of(tmp_path, lift=result(tmp_path, "FIP-B") + LIFT, **parts)
-    with pytest.raises(Refusal, match=r"expected camtorque.result/1; name a result of `camtorque run`"):
-        task_of(tmp_path, lift=result(tmp_path, "x", "other/1") + LIFT, **parts)
-    with pytest.raises(Refusal, match=r"cannot be read \(No such file"):
-        task_of(tmp_path, lift='fit = "nothing.json"\n' + LIFT, **parts)
+def test_the_friction_of_a_fit_is_asked_for_by_the_command(tmp_path):
+    with pytest.raises(Refusal, match=r"unknown key 'fit'"):
+        task_of(tmp_path, lift='fit = "result.json"\n' + LIFT, free=OFFSET, aims=AIM)
 
 
 def test_command_refuses_in_one_line_and_writes_nothing(tmp_path, capsys):

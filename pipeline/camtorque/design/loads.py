@@ -22,12 +22,7 @@ from camtorque.ingest.pump_file import read_pressure_curve
 from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.predict import cam_of, pressure_at
 from camtorque.records import Array, ReadOnly, Refusal
-from camtorque.results import read_result
 from camtorque.units import RPM, angle_grid, did_you_mean
-
-FACTORS = {"-": 1.0, "um": 1.0e-6, "µm": 1.0e-6, "mm": 1.0e-3, "m": 1.0}
-FRICTION_NAMES = ("guide_friction", "bearing_arm", "pin_arm")
-"""Parameters of a fit that make the friction of a pump file."""
 
 
 @dataclass(frozen=True)
@@ -63,20 +58,6 @@ class FittedPump:
     law: CamLaw
     recordings: tuple[str, ...]
     stroke: Callable[[str, float], FittedStroke]
-
-
-def fitted_friction(path: Path, config: PumpConfig) -> tuple[float, float, float]:
-    """Return guide coefficient, bearing and pin arm [-, m, m] of a fit of the same pump.
-
-    Raises
-    ------
-    Refusal : not the result of a run, of another pump, or a pump file without an id to compare
-    """
-    document = read_result(path)
-    same_pump(path, config, str(document["recording"].get("pump", "")))
-    rows = [document["parameters"].get(name, {"value": 0.0, "unit": "-"}) for name in FRICTION_NAMES]
-    guide, bearing, pin = (float(row["value"]) * FACTORS[row["unit"]] for row in rows)
-    return guide, bearing, pin
 
 
 def same_pump(path: Path, config: PumpConfig, there: str) -> None:

@@ -18,7 +18,6 @@ ERROR_MM = Band(0.0, 5.0, "no shop is off by so much")
 TOP = TableSchema("", "a design task", (
     Key("schema", "text", "which schema the file follows"),
     Key("pump", "path", "pump file: first guess of what is free, value of everything else"),
-    Key("fit", "path", "result.json of a run of the same pump, whose friction is taken", default=None),
 ))  # fmt: skip
 LIFT = TableSchema("[lift]", "the lobe", (
     Key("degree", "whole", "degree of the B-splines; 2 is piecewise constant acceleration", default=5,

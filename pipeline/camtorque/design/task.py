@@ -13,7 +13,7 @@ import numpy as np
 from camtorque.config.keys import Key
 from camtorque.config.pump import PumpConfig
 from camtorque.config.tables import Table, read_schema
-from camtorque.design.loads import FittedPump, Load, fitted_friction, loads_of, same_pump
+from camtorque.design.loads import FittedPump, Load, loads_of, same_pump
 from camtorque.design.profile import BSPLINE, LAWS, Family
 from camtorque.design.responses import EQUAL, MOST, RESPONSES
 from camtorque.design.schema import (
@@ -118,8 +118,6 @@ def read_task(path: Path | str, fitted: FittedPump | None = None) -> Task:
     text, root = read_schema(file, DESIGN_SCHEMA, f"expected a design file (schema {DESIGN_SCHEMA})")
     top = read_values(root, TOP, "lift", "free", "load", "aims", "limits", "tolerances", "answer")
     config, findings = read_pump(top["pump"])
-    if top["fit"] is not None:
-        config = replace(config, friction=fitted_friction(top["fit"], config))
     if fitted is not None:
         same_pump(fitted.path, config, fitted.pump_id)
         config = replace(config, friction=fitted.friction)
@@ -142,7 +140,7 @@ def read_task(path: Path | str, fitted: FittedPump | None = None) -> Task:
         tolerances=read_values(root.table("tolerances", optional=True), TOLERANCES),
         findings=findings,
         inputs=input_files(
-            file, config.path, config.pump.cam_table_path, top["fit"], *(load.pressure_file for load in loads)
+            file, config.path, config.pump.cam_table_path, *(load.pressure_file for load in loads)
         ),
         **read_values(root.table("answer", optional=True), ANSWER),
     ))  # fmt: skip
@@ -279,7 +277,8 @@ def _checked(task: Task) -> Task:
     rough = {"friction_work_j"} & {*task.aims, *(limit.response for limit in task.limits)}
     if rough and not any(task.config.friction):
         raise Refusal(
-            f"{task.path}: friction_work_j is asked for, but {task.config.path} has no [friction]; add it or name a fit"
+            f"{task.path}: friction_work_j is asked for, but {task.config.path} has no [friction]; add it or "
+            "take that of a fit (--from)"
         )
     if not task.variables and not any(family.size for family in task.families):
         raise Refusal(f"{task.path} [free]: nothing is free, expected bounds of at least one quantity")
