@@ -19,7 +19,7 @@ from camtorque.fit.forecast import forecast
 from camtorque.fit.known_ends import Curve
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.prepare import on_grid
-from camtorque.fit.single import FitOptions, Prepared, fit_prepared, prepare
+from camtorque.fit.single import Prepared, fit_prepared, prepare
 from compare_twins import compared_side, recorded
 from rigs.families import FAMILIES
 from rigs.truth import RigTruth, change
@@ -31,7 +31,7 @@ SHARE = 0.002
 
 def known_fit(item: Prepared) -> KnownFit:
     """Return the fit of one recording as a prediction takes it."""
-    fit = fit_prepared(item, FitOptions(evidence=False))
+    fit = fit_prepared(item, weighed=False)
     source = FittedAt(item.recording.config.id, item.cycles.mean_speed, fit.problem.data[0].structure, SHARE, False)
     names = fit.problem.names
     return KnownFit(names, fit.solution.z, ArrowCovariance.whole(fit.covariance.matrix), (source,))

@@ -17,7 +17,7 @@ import numpy as np
 from benches import plain_parser, tell
 from camtorque.align import AlignOptions, align
 from camtorque.fit.result import fitted_torque
-from camtorque.fit.single import FitOptions, fit_prepared, prepare
+from camtorque.fit.single import fit_prepared, prepare
 from camtorque.ingest import read_recording
 from camtorque.rehearsal import rigid_torque
 
@@ -46,7 +46,7 @@ def drawn(folder: Path, draw: int) -> Draw:
     cycles = replace(cycles, torque=torque, pressure=pressure)
     rigid = rigid_torque(recording, cycles)
     prepared = prepare(recording, cycles, rigid)
-    fitted = fitted_torque(fit_prepared(prepared, FitOptions()), recording, cycles, rigid, prepared.means)
+    fitted = fitted_torque(fit_prepared(prepared), recording, cycles, rigid, prepared.means)
     trigger = next(item for item in fitted.parameters if item.name == TRIGGER)
     codes = tuple(finding.code for finding in fitted.findings)
     return Draw(prepared.candidates[0].value, trigger.value, trigger.stderr, codes)

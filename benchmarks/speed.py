@@ -33,7 +33,7 @@ from camtorque.fit import joint_solver, single  # noqa: E402
 from camtorque.fit.minima import Halves  # noqa: E402
 from camtorque.fit.problem import STRUCTURES, FitData, Problem, build_problem  # noqa: E402
 from camtorque.fit.search import search  # noqa: E402
-from camtorque.fit.single import FitOptions, fit_prepared, prepare  # noqa: E402
+from camtorque.fit.single import fit_prepared, prepare  # noqa: E402
 from camtorque.fit.solver import WHOLE, lift_at, normal_equations, solve, try_at  # noqa: E402
 from camtorque.fit.starts import coarse, refined  # noqa: E402
 from camtorque.fit.valleys import profile_trigger_angle  # noqa: E402
@@ -164,8 +164,8 @@ def stage_lines() -> Iterator[str]:
     halves = Halves(data, data)
     searching, _ = once(lambda: search(halves, tuple(STRUCTURES)))
     walking, _ = once(lambda: profile_trigger_angle(prepared.candidates[0], halves))
-    plain, _ = once(lambda: fit_prepared(prepared, FitOptions(evidence=False)))
-    told, _ = once(lambda: fit_prepared(prepared, FitOptions()))
+    plain, _ = once(lambda: fit_prepared(prepared, weighed=False))
+    told, _ = once(lambda: fit_prepared(prepared))
     total = searching + walking + told
     yield "| stage of the fit | processor time | share |"
     yield "|---|---|---|"

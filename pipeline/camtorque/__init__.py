@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from camtorque.api import (
         AlignOptions,
         CamCycles,
-        FitOptions,
         Limit,
         Prediction,
         PressureCurve,
@@ -51,7 +50,6 @@ find_caches(Path(__file__).parent)
 __all__ = [
     "AlignOptions",
     "CamCycles",
-    "FitOptions",
     "Limit",
     "Prediction",
     "PressureCurve",

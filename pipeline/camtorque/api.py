@@ -20,7 +20,6 @@ from camtorque.align import align as _align
 from camtorque.arrays import Mark, Sensor, recording_from_arrays
 from camtorque.config.pump import PressureCurve as PressureCurve
 from camtorque.config.pump import PumpConfig
-from camtorque.fit.single import FitOptions as FitOptions
 from camtorque.frames import to_pandas, to_xarray
 from camtorque.ingest import read_recording
 from camtorque.ingest.check import speed_findings

@@ -13,7 +13,7 @@ from typing import Any
 from camtorque.align import AlignOptions, align
 from camtorque.compiled import load_compiler
 from camtorque.fit.result import fitted_torque
-from camtorque.fit.single import FitOptions, Prepared, fit_prepared, prepare
+from camtorque.fit.single import Prepared, fit_prepared, prepare
 from camtorque.ingest import read_recording, summarise
 from camtorque.ingest.check import angle_speed_findings
 from camtorque.jsonable import now
@@ -40,19 +40,18 @@ class RunOptions:
 
     Attributes
     ----------
-    align, fit : options of the alignment and of the fit
+    align : options of the alignment
     limits : bands that numbers of result.json have to stay in; the page and result.json say whether they do
     """
 
     align: AlignOptions = field(default_factory=AlignOptions)
-    fit: FitOptions = field(default_factory=FitOptions)
     limits: tuple[Limit, ...] = ()
 
     def __post_init__(self) -> None:
         if not isinstance(self.limits, tuple | list):
             kind = type(self.limits).__name__
             raise Refusal(f"RunOptions: found limits of type {kind}, expected a tuple of camtorque.Limit")
-        given = ((self.align, AlignOptions), (self.fit, FitOptions), *((limit, Limit) for limit in self.limits))
+        given = ((self.align, AlignOptions), *((limit, Limit) for limit in self.limits))
         for value, kind in given:
             if not isinstance(value, kind):
                 raise Refusal(f"RunOptions: found a {type(value).__name__}, expected a camtorque.{kind.__name__}")
@@ -107,7 +106,7 @@ def analyse_recording(
     progress("fitting: which effects, which values, how sure")
     with _timed(spent, "fit"):
         prepared = prepare(recording, cycles, rigid)
-        fitted = fitted_torque(fit_prepared(prepared, options.fit), recording, cycles, rigid, prepared.means)
+        fitted = fitted_torque(fit_prepared(prepared), recording, cycles, rigid, prepared.means)
     result = RunResult(recording, cycles, rigid, fitted, spent, now(), peak_memory_mb(), limits=options.limits)
     return result, prepared
 

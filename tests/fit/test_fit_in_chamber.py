@@ -10,7 +10,7 @@ from camtorque.fit.one_ending import searched_anew
 from camtorque.fit.prepare import fit_data, mean_cycles
 from camtorque.fit.problem import STRUCTURES
 from camtorque.fit.result import fitted_torque
-from camtorque.fit.single import FitOptions, fit_prepared, prepare
+from camtorque.fit.single import fit_prepared, prepare
 from camtorque.mechanism.lift_laws import lift_law, spectral_law
 from camtorque.mechanism.solve import solve_rigid
 from camtorque.records import Recording
@@ -52,7 +52,7 @@ def test_a_measured_chamber_gives_the_trigger_and_the_losses_back():
     rigid = solve_rigid(recording.config.pump, law, cycles.theta, cycles.mean_pressure, cycles.mean_speed)
     prepared = prepare(recording, cycles, rigid)
     assert {item.data.structure for item in prepared.candidates} == {"line"}
-    fitted = fitted_torque(fit_prepared(prepared, FitOptions()), recording, cycles, rigid, mean_cycles(cycles))
+    fitted = fitted_torque(fit_prepared(prepared), recording, cycles, rigid, mean_cycles(cycles))
     assert fitted.explained
     assert "chamber" not in {row.name for row in fitted.evidence}
     found = {row.name: row for row in fitted.parameters}

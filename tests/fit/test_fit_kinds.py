@@ -10,7 +10,7 @@ from camtorque.fit import kinds
 from camtorque.fit.joint_input import with_common_rows
 from camtorque.fit.kinds import ARM, BUSH, BUSH_SOURCE, kind_rows, log_odds, of_most, pin_decided
 from camtorque.fit.problem import with_rows
-from camtorque.fit.single import PIN, FitOptions, fit_prepared
+from camtorque.fit.single import PIN, fit_prepared
 from camtorque.laws import ROWS
 from fit_cases import quick, quick_data, quick_halves, quick_prepared, rig
 
@@ -50,8 +50,8 @@ def test_needles_stay_what_they_are():
 def test_the_other_kind_widens_what_it_moves(bushed):
     best, other = bushed
     prepared = replace(quick_prepared(*IN_BUSH), candidates=(best,))
-    alone = fit_prepared(prepared, FitOptions(evidence=False))
-    both = fit_prepared(replace(prepared, other_pin=other), FitOptions(evidence=False))
+    alone = fit_prepared(prepared, weighed=False)
+    both = fit_prepared(replace(prepared, other_pin=other), weighed=False)
     moved = other.candidate.solution.z - best.solution.z
     np.testing.assert_allclose(both.std**2 - alone.std**2, other.probability * moved**2, rtol=1e-4)
     assert set(both.shifts) - set(alone.shifts) == {PIN}

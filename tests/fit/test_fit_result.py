@@ -38,7 +38,7 @@ from camtorque.fit.result import (
     return_start,
 )
 from camtorque.fit.search import SearchState
-from camtorque.fit.single import SWITCHING, FitOptions, every_structure, fit_prepared, pressure_gain_std
+from camtorque.fit.single import SWITCHING, every_structure, fit_prepared, pressure_gain_std
 from camtorque.fit.solver import no_lift
 from camtorque.fit.starts import Start, coarse
 from camtorque.fit.uncertainty import confidence, covariance, knowledge, uncertainty_budget
@@ -55,7 +55,7 @@ LAND = ("closed_volume", 0, 1000.0)
 
 @pytest.fixture(scope="module")
 def fit():
-    return fit_prepared(quick_prepared(*LAND), FitOptions(evidence=False))
+    return fit_prepared(quick_prepared(*LAND), weighed=False)
 
 
 def test_budget_splits_the_whole_variance(fit):

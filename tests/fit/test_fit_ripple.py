@@ -13,7 +13,7 @@ from camtorque.fit.minima import at_minimum
 from camtorque.fit.prepare import base_circle, fit_data, mean_cycles, repeated_order
 from camtorque.fit.problem import with_starts
 from camtorque.fit.result import fitted_torque
-from camtorque.fit.single import FitOptions, Prepared, fit_prepared
+from camtorque.fit.single import Prepared, fit_prepared
 from camtorque.fit.valleys import NO_VALLEY
 from camtorque.ingest import read_recording
 from camtorque.laws.ripple import binned_waves, waves
@@ -79,7 +79,7 @@ def fitted():
         data = replace(fit_data(recording, run, spectral_law(recording.cam_table), means), structure="land")
         near = at_minimum(with_starts(data, true_starts(rig(*RIG).truth)))
         prepared = Prepared(recording, run, rigid, means, (near,), NO_VALLEY, data.chain.shaft_torque)
-        found.append(fitted_torque(fit_prepared(prepared, FitOptions(evidence=False)), recording, run, rigid, means))
+        found.append(fitted_torque(fit_prepared(prepared, weighed=False), recording, run, rigid, means))
     return found
 
 

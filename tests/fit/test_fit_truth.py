@@ -13,7 +13,7 @@ from camtorque.fit.problem import build_problem, with_rows, with_starts
 from camtorque.fit.residual import is_explained
 from camtorque.fit.result import fitted_torque
 from camtorque.fit.search import SearchState, load_anew
-from camtorque.fit.single import FitOptions, fit_prepared
+from camtorque.fit.single import fit_prepared
 from camtorque.fit.solver import lift_at, no_lift, try_at
 from camtorque.fit.starts import (
     SMOOTHINGS_DEG,
@@ -46,7 +46,7 @@ def case(request):
 @pytest.fixture(scope="module")
 def record(case):
     prepared = quick_prepared(*case)
-    fit = fit_prepared(prepared, FitOptions(evidence=False))
+    fit = fit_prepared(prepared, weighed=False)
     return fitted_torque(fit, prepared.recording, prepared.cycles, prepared.rigid, prepared.means)
 
 
@@ -129,7 +129,7 @@ def test_a_bridge_that_feels_bending():
     case = ("turning_bridge", 0, 1000.0)
     sensor = rig(*case).truth.torque_sensor
     prepared = quick_prepared(*case)
-    fit = fit_prepared(prepared, FitOptions(evidence=False))
+    fit = fit_prepared(prepared, weighed=False)
     found = dict(zip(fit.problem.names, zip(fit.solution.z, fit.std, strict=True), strict=True))
     steady = sensor.turning_torque * np.array([np.cos(sensor.turning_phase), np.sin(sensor.turning_phase)])
     for name, true in zip(("turning_cosine", "turning_sine"), steady, strict=True):
@@ -244,9 +244,7 @@ def test_a_recording_that_stays_unexplained_says_where():
     start = continued(data, 0.0, core=False, iterations=6)
     found = replace(quick(LAND), data=data, problem=replace(quick(LAND).problem, data=(data,)))
     assert start is not None
-    fit = fit_prepared(
-        replace(prepared, cycles=disturbed, means=means, candidates=(found,)), FitOptions(evidence=False)
-    )
+    fit = fit_prepared(replace(prepared, cycles=disturbed, means=means, candidates=(found,)), weighed=False)
     record = fitted_torque(fit, prepared.recording, disturbed, prepared.rigid, means)
     assert not record.explained
     finding = next(row for row in record.findings if row.code == "unexplained")
@@ -345,7 +343,7 @@ def test_smoothing_leads_an_end_of_delivery_that_is_ten_degrees_off():
 
 
 def test_the_delivered_volume_is_that_of_the_rig(case):
-    fit = fit_prepared(quick_prepared(*case), FitOptions(evidence=False))
+    fit = fit_prepared(quick_prepared(*case), weighed=False)
     found = delivered_volume(fit)
     past_valve = rig(*case).totals["valve_mass"]
     true = (past_valve[-1] - past_valve[0]) / (past_valve.size - 1) / rig(*case).truth.fluid.density

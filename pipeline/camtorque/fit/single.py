@@ -80,18 +80,6 @@ AT_REST = 1.0e3
 
 
 @dataclass(frozen=True)
-class FitOptions:
-    """What a user may choose about the fit.
-
-    Attributes
-    ----------
-    evidence : whether each loss is weighed (a campaign's joint fit weighs none)
-    """
-
-    evidence: bool = True
-
-
-@dataclass(frozen=True)
 class Prepared:
     """One recording with its minima, least chi-square first, and the valley of the best one along the trigger angle.
 
@@ -234,8 +222,8 @@ def every_structure(found: SearchState, halves: Halves) -> list[Candidate]:
     return sorted(ends, key=lambda item: item.value)
 
 
-def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
-    """Return the full model of one recording with its uncertainty and the evidence for each loss."""
+def fit_prepared(prepared: Prepared, weighed: bool = True) -> Fit:
+    """Return the full model of one recording with its uncertainty; ``weighed``: with the evidence for each loss."""
     best = prepared.candidates[0]
     problem, solution = best.problem, best.solution
     careful = covariance(problem, solution)
@@ -253,7 +241,7 @@ def fit_prepared(prepared: Prepared, options: FitOptions) -> Fit:
     shifts[SWITCHING] = switching_shift(problem, [switching_std(prepared.cycles)])[None]
     odd_even = prepared.means.odd_even
     evidence: tuple[LossEvidence, ...] = ()
-    if options.evidence:
+    if weighed:
         evidence = loss_evidence(problem, solution, cov, odd_even)
         if not best.data.measures_chamber:
             evidence = (chamber_evidence(prepared.candidates, careful.inflation), *evidence)
