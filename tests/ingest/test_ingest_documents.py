@@ -91,7 +91,7 @@ def test_the_page_of_formats_lists_every_reader_and_the_extra_it_needs():
     assert set(listed) == {form.shown for form in FORMATS.values()}
     for form in FORMATS.values():
         reader = (PACKAGE / "ingest" / f"{form.module}.py").read_text(encoding="utf-8")
-        assert ("extra `tables`" in listed[form.shown]) == ("optional_library(" in reader)
+        assert ("extra `tables`" in listed[form.shown]) == ("require((" in reader)
 
 
 def test_the_page_of_formats_lists_every_source_of_the_angle_with_keys_that_exist():

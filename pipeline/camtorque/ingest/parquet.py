@@ -23,8 +23,8 @@ from camtorque.ingest.columns import columns_of, raw_file
 from camtorque.ingest.csv_layout import CsvLayout
 from camtorque.ingest.header import name_and_unit
 from camtorque.ingest.listing import listed
-from camtorque.ingest.raw import ArraySource, FileChannel, RawFile, optional_library, refuse_bomb, refusing
-from camtorque.records import Refusal, SampleSource
+from camtorque.ingest.raw import ArraySource, FileChannel, RawFile, refuse_bomb, refusing
+from camtorque.records import Refusal, SampleSource, require
 from camtorque.units import UNITS
 
 UNIT_KEYS = (b"unit", b"units")
@@ -55,7 +55,11 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
 
 
 def _library(path: Path) -> Any:
-    return optional_library(path, "Parquet or Feather", "pyarrow", "feather", "parquet")
+    require(("pyarrow",), f"{path}: reading Parquet or Feather", "tables")
+    import pyarrow.feather
+    import pyarrow.parquet
+
+    return pyarrow
 
 
 def _is_parquet(path: Path) -> bool:

@@ -6,9 +6,7 @@ import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 from typing import BinaryIO
 
 import numpy as np
@@ -97,23 +95,6 @@ class FileChannel:
     sample_rate: float | None
     time_channel: str
     source: SampleSource
-
-
-def optional_library(path: Path, what: str, name: str, *parts: str) -> ModuleType:
-    """Return a package of the extra `tables`, with some of its modules loaded.
-
-    Raises
-    ------
-    Refusal : it is not installed; ``what`` needs it
-    """
-    try:
-        for part in parts:
-            import_module(f"{name}.{part}")
-        return import_module(name)
-    except ImportError as error:
-        raise Refusal(
-            f"{path}: reading {what} needs {name}, which is missing: pip install 'camtorque[tables]'"
-        ) from error
 
 
 @contextmanager

@@ -25,8 +25,8 @@ from camtorque.ingest.columns import columns_of, raw_file
 from camtorque.ingest.csv_layout import CsvLayout
 from camtorque.ingest.header import is_number, names_in, names_of
 from camtorque.ingest.listing import listed
-from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile, optional_library, refuse_bomb, refusing
-from camtorque.records import Finding, Refusal, SampleSource
+from camtorque.ingest.raw import ArraySource, FileChannel, RawChannel, RawFile, refuse_bomb, refusing
+from camtorque.records import Finding, Refusal, SampleSource, require
 
 HEADER_ROWS = 200
 MOST_COLUMNS = 256
@@ -78,7 +78,8 @@ def table_rows(path: Path) -> list[list[str]]:
 @contextmanager
 def _open(path: Path) -> Iterator[Any]:
     """Give a workbook whose file is closed whatever is wrong with it."""
-    library = optional_library(path, "Excel workbooks", "openpyxl")
+    require(("openpyxl",), f"{path}: reading Excel workbooks", "tables")
+    library = import_module("openpyxl")
     with refusing(path, "Excel workbook"), zipfile.ZipFile(path) as parts:
         unpacked = sum(part.file_size for part in parts.infolist())
     refuse_bomb(unpacked, path.stat().st_size, f"{path}")
