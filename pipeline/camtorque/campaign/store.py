@@ -28,14 +28,10 @@ JOINT = "joint.bin"
 MARK = ".camtorque-campaign"
 """File that makes a folder the output of campaigns; the one that writes the index holds its lock."""
 FOREIGN_CLASSES = {
-    ("builtins", "set"), ("builtins", "frozenset"), ("builtins", "slice"), ("builtins", "complex"),
-    ("collections", "OrderedDict"), ("pathlib", "PosixPath"), ("pathlib", "WindowsPath"),
+    ("builtins", "dict"), ("pathlib", "PosixPath"), ("pathlib", "WindowsPath"),
     ("pathlib._local", "PosixPath"), ("pathlib._local", "WindowsPath"),  # Python 3.13
     ("numpy", "dtype"), ("numpy", "ndarray"), ("numpy._core.multiarray", "_reconstruct"),
-    ("numpy._core.multiarray", "scalar"), ("numpy.core.multiarray", "_reconstruct"),
-    ("numpy.core.multiarray", "scalar"), ("numpy._core.numeric", "_frombuffer"), ("numpy.core.numeric", "_frombuffer"),
-    ("scipy.interpolate._bsplines", "BSpline"), ("scipy.interpolate._cubic", "CubicSpline"),
-    ("scipy.interpolate._interpolate", "PPoly"), ("builtins", "dict"),
+    ("numpy._core.multiarray", "scalar"), ("numpy._core.numeric", "_frombuffer"),
 }  # fmt: skip
 """What the joint fit's input may hold beside records of this package."""
 NO_PICKLE = (pickle.UnpicklingError, EOFError, AttributeError, ImportError, TypeError)
