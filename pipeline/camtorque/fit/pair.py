@@ -170,7 +170,7 @@ def pair_of(before: Prepared, after: Prepared, start: Candidate) -> TwoRecording
     # what the transducer did not see lies where the torque does, also where a trigger stands elsewhere
     lost = start.data.chain.shaft_torque - before.measured
     n = start.data.chain.theta.size
-    torques = [over_even_angle(_mean_torque(side), _swing(side), n) for side in (before, after)]
+    torques = [over_even_angle(side.cycles.mean_torque, _swing(side), n) for side in (before, after)]
     angle = angle_between(*torques)
     twisting = without_noise_apart(torques, angle, [_torque(side) for side in (before, after)])
     items = (
@@ -241,9 +241,7 @@ def root_of(covariance: Array) -> Array:
 
 def _item(side: Prepared, data: FitData, shaft_torque: Array) -> FitData:
     cycles, swing, n = side.cycles, _swing(side), shaft_torque.size
-    torque, pressure = (
-        over_even_angle(part, swing, n) for part in (_mean_torque(side), np.mean(cycles.pressure, axis=0))
-    )
+    torque, pressure = (over_even_angle(part, swing, n) for part in (cycles.mean_torque, cycles.mean_pressure))
     chain = replace(
         data.chain, speed=cycles.mean_speed, line_pressure=pressure, shaft_torque=shaft_torque, swing=swing,
         trigger_angle=side.recording.config.trigger.nominal_angle,
@@ -254,11 +252,6 @@ def _item(side: Prepared, data: FitData, shaft_torque: Array) -> FitData:
 
 def _swing(side: Prepared) -> Swing | None:
     return cam_swing(side.recording.config, side.cycles.details)
-
-
-def _mean_torque(side: Prepared) -> Array:
-    """Return the mean torque of all used cycles [N m]."""
-    return np.asarray(np.mean(_torque(side), axis=0))
 
 
 def _torque(side: Prepared) -> Array:
