@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from camtorque.fit.gains import GAIN_ROWS, GAINS
-from camtorque.fit.pair import TwoRecordings, root_of
+from camtorque.fit.pair import TwoRecordings
 from camtorque.fit.prepare import on_grid
 from camtorque.fit.problem import FitData
 from camtorque.laws import ROWS
@@ -72,7 +72,9 @@ def made_pair(
         cycles.append(made_cycles(noisy, chain.line_pressure, chain.speed, clock))
     mean = np.diag(1.0 / items[0].weight ** 2)
     apart = np.eye(BINS) * 2.0 * NOISE**2 / CYCLES
-    return TwoRecordings(tuple(items), tuple(cycles), NAMES, values, root_of(mean), root_of(apart), float(BINS))
+    return TwoRecordings(
+        tuple(items), tuple(cycles), NAMES, values, *map(np.linalg.cholesky, (mean, apart)), float(BINS)
+    )
 
 
 def made_cycles(torque: Array, pressure: Array, speed: float, clock: str) -> CamCycles:

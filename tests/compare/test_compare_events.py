@@ -22,7 +22,7 @@ from camtorque.fit.changes import (
     marginal,
     near_minimum,
 )
-from camtorque.fit.difference import along, evaluated, linearised, minimised, objective, turn_of_tooth, within
+from camtorque.fit.difference import along, evaluated, linearised, minimised, objective, step_within, turn_of_tooth
 from camtorque.fit.events import CHANGES, STEPS_OF_CHANGE, basis_of, may_differ, two_ln_odds
 from camtorque.fit.gains import GAINS
 from camtorque.fit.pair import (
@@ -341,8 +341,8 @@ def test_a_step_never_leaves_the_bounds_of_either_recording(
     pair = SimpleNamespace(names=("one",), priors=(None, np.ones(1)), bounds=(np.zeros(1), np.ones(1)))
     state = SimpleNamespace(before=np.array([common]), after=np.array([common + moved]), moved=np.array([moved]),
                             basis=SimpleNamespace(columns=np.ones((1, 1))))  # fmt: skip
-    assert within(np.eye(2), np.array(wanted), pair, state).tolist() == [0.0, 0.0]  # type: ignore[arg-type]
-    back = within(np.eye(2), -np.array(wanted), pair, state)  # type: ignore[arg-type]
+    assert step_within(np.eye(2), np.array(wanted), pair, state).tolist() == [0.0, 0.0]  # type: ignore[arg-type]
+    back = step_within(np.eye(2), -np.array(wanted), pair, state)  # type: ignore[arg-type]
     np.testing.assert_allclose(back, -np.array(wanted))
 
 

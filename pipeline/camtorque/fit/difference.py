@@ -203,7 +203,7 @@ def minimised(pair: TwoRecordings, state: PairState, iterations: int, common: bo
             matrix[:k, k:], matrix[k:, :k], vector[:k] = 0.0, 0.0, 0.0
         gained = 0.0
         while damping < 1e6:
-            step = within(matrix + np.diag(damping * np.diag(matrix)), vector, pair, state)
+            step = step_within(matrix + np.diag(damping * np.diag(matrix)), vector, pair, state)
             before = np.clip(state.before + step[:k] * stds, *pair.bounds)
             trial = evaluated(pair, before, state.basis, state.moved + step[k:])
             new = objective(pair, trial)
@@ -217,7 +217,7 @@ def minimised(pair: TwoRecordings, state: PairState, iterations: int, common: bo
     return state
 
 
-def within(matrix: Array, vector: Array, pair: TwoRecordings, state: PairState) -> Array:
+def step_within(matrix: Array, vector: Array, pair: TwoRecordings, state: PairState) -> Array:
     """Return the step that leaves those parameters at a bound that it would push beyond it."""
     k = len(pair.names)
     lower, upper = pair.bounds

@@ -198,7 +198,7 @@ def _weights(bare: tuple[TwoRecordings, Candidate]) -> dict[str, Any]:
     item, lift = pair.items[0], lift_at(start.problem, start.solution.z)
     modes = lift.vectors * lift.strength / item.weight[:, None]
     (noise, wander), laws = scatter_of_both(pair, pair.fixed), np.diag(1.0 / item.weight**2) + modes @ modes.T
-    weights = {"mean_root": root_of(laws + noise / 4.0), "wander": wander}
+    weights = {"mean_root": np.linalg.cholesky(laws + noise / 4.0), "wander": wander}
     return {**weights, **_difference_weights(pair, pair.fixed, noise, np.zeros(item.torque.size))}
 
 
@@ -224,7 +224,7 @@ def _difference_weights(pair: TwoRecordings, values: Mapping[str, float], noise:
     # what the laws do not share is correlated over an unknown angle: each bin is weighed as if it were less sure than
     # it is, so that chi-square falls short of the number of bins
     expected = float(np.trace(np.linalg.solve(weighed, known + np.diag(error))))
-    return {"difference_root": root_of(weighed), "expected": expected}
+    return {"difference_root": np.linalg.cholesky(weighed), "expected": expected}
 
 
 def scatter_of_both(pair: TwoRecordings, values: Mapping[str, float]) -> tuple[Array, float]:
@@ -232,11 +232,6 @@ def scatter_of_both(pair: TwoRecordings, values: Mapping[str, float]) -> tuple[A
     own = tuple(pair.own)
     first, second = (mean_scatter(c, one, values, own) for c, one in zip(pair.cycles, pair.items, strict=True))
     return first[0] + second[0], float(np.hypot(first[1], second[1]))
-
-
-def root_of(covariance: Array) -> Array:
-    """Return the lower Cholesky factor."""
-    return np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
 
 
 def _item(side: Prepared, data: FitData, shaft_torque: Array) -> FitData:

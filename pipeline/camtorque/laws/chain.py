@@ -204,7 +204,7 @@ def binned(values: Array, bins: int = BINS) -> Array:
 def transfer(
     data: ChainInput, values: Mapping[str, float], n_points: int, response: NDArray[np.complex128] | None = None
 ) -> tuple[Any, Any, Any, Any]:
-    """Return shaft and sensor transfer (k,) on the harmonics of a grid, then their derivatives (k, 12), (k, 3)."""
+    """Return shaft and sensor transfer (k,) on the harmonics of a grid, then their derivatives (k, 13), (k, 3)."""
     omega = np.asarray(np.arange(n_points // 2 + 1) * data.speed, dtype=np.float64)
     both = drive_response(data, values, False, n_points) if response is None else response
     shaft, shaft_d = driveline.shaft_transfer(omega, values, both)
