@@ -37,8 +37,8 @@ INCH = 0.0254
 """Metre per inch (exact)."""
 KILOPOND = 9.80665
 """Newton per kilogram-force (exact)."""
-HOUR = 3600.0
-"""Seconds per hour."""
+HOUR, DAY = 3600.0, 86_400.0
+"""Seconds per hour and per day."""
 FARTHEST_ZONE, STARTED_WITHIN = 14, 60.0
 """Most hours that a time zone is from UTC; time within which the loggers of one run are started by hand [s]."""
 

@@ -19,10 +19,10 @@ import numpy as np
 
 from camtorque.config import ChannelSpec
 from camtorque.ingest.raw import FileChannel, FileSource, Piece, RawFile, refusing
-from camtorque.ingest.stamps import DAY, EPOCHS
+from camtorque.ingest.stamps import EPOCHS
 from camtorque.ingest.stored import Stored, among, listing_of, read_stored
 from camtorque.records import Finding, Refusal
-from camtorque.units import is_known_unit
+from camtorque.units import DAY, is_known_unit
 
 EXTENDED = struct.Struct("<dd hhhh fff 4f 32s 8s 8s hhhh ff hhh bb f b3x f f b".replace(" ", ""))
 EXPORT_BYTES = {0: 8, 1: 4, 2: 2}

@@ -16,10 +16,10 @@ from camtorque.ingest.csv_layout import CsvLayout
 from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, name_and_unit, numbered_name
 from camtorque.ingest.listing import MOST_ALIKE, RATE_SAMPLES, time_unit_of
 from camtorque.ingest.raw import ArraySource, RawChannel, RawFile, refuse_other_unit
-from camtorque.ingest.stamps import DAY, RATE_NOTE, Stamps, agreed_rate, date_of, read_stamps
+from camtorque.ingest.stamps import RATE_NOTE, Stamps, agreed_rate, date_of, read_stamps
 from camtorque.ingest.table_rows import are_changes, at, held, own_rows, rows_of, spaced, where_timed
 from camtorque.records import Finding, Refusal, SampleSource
-from camtorque.units import did_you_mean, unit_factor
+from camtorque.units import DAY, did_you_mean, unit_factor
 
 PULSES = [name for name, quantity in CHANNEL_QUANTITIES.items() if quantity.is_pulse]
 """Quantities whose channels are pulses."""

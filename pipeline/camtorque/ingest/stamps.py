@@ -12,7 +12,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from camtorque.ingest.raw import RawChannel
 from camtorque.records import Array, Finding, Refusal, SampleSource
-from camtorque.units import counted
+from camtorque.units import DAY, counted
 
 BLOCK = 1_000_000
 """Stamps looked at in one go."""
@@ -30,7 +30,6 @@ RATE_NOTE = 1.0e-5
 """Relative difference of two rates that is worth a finding: ten times what a crystal is off."""
 RATE_GROSS = 0.05
 """Relative difference of two rates at which one of them is simply wrong."""
-DAY = 86_400.0
 EPOCHS = {"1970": 0.0, "1904": 2_082_844_800.0, "1900": 25_569.0 * DAY, "0": 719_529.0 * DAY}
 """Year that stamps count from -> seconds to 1970: Unix; LabVIEW; days of Excel and OLE; days of MATLAB."""
 DATES = (1.0e9, 2.9e9)

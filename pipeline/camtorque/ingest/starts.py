@@ -10,10 +10,9 @@ from camtorque.ingest.raw import RawChannel
 from camtorque.ingest.sensors import FIRST_STAMP
 from camtorque.records import Channel, Finding
 from camtorque.signal.logger_time import end_time
-from camtorque.units import HOUR, TURN, first_of, zone_hint
+from camtorque.units import DAY, HOUR, TURN, first_of, zone_hint
 
 T = TypeVar("T", ChannelSpec, Channel)
-DAY = 24.0 * HOUR
 CLOCKS_APART = HOUR
 """Clocks of two loggers that nobody set may differ by this [s]."""
 
