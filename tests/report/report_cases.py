@@ -108,7 +108,7 @@ def run_result(recording_name: str = "case", with_chamber: bool = True, explaine
         metrics={"rigid": scores[2], "fitted": scores[0], "fitted_held_out_cycles": scores[1]},
         trigger_angle=Estimate(0.36, 0.001, 0.349), torque_delay=Estimate(4.5e-4, 8e-6, 4.5e-4),
         angle_errors_after=(AngleError("trigger angle", 0.06, "fitted"),), odd_even_rms=0.03,
-        next_measurement=("record standstill readings (now: leakage 0.1 +- 0.02 mm^3/s/bar)",), findings=(),
+        next_measurement=("record standstill readings",), findings=(),
         details={"block_cv_percent": [0.1] * 4 + [0.7] + [0.2] * 13, "absolute_uncertainty_percent": 0.42},
         evidence=evidence,
         alternatives=alternatives, explained=explained,

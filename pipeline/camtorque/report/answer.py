@@ -211,8 +211,7 @@ def next_text(doc: Document) -> str:
         return text + (f"First: {odd}. " if odd else "") + unexplained_advice(doc)
     if not doc["next_measurement"]:
         return text + "Nothing: this recording determines everything that was fitted."
-    first = doc["next_measurement"][0].split(" (now:")[0]
-    return text + f"To learn more: {first}."
+    return text + f"To learn more: {doc['next_measurement'][0]}."
 
 
 def unexplained_advice(doc: Document) -> str:
