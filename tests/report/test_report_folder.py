@@ -224,6 +224,31 @@ def test_a_file_of_the_users_in_a_report_is_not_lost(tmp_path: Path) -> None:
     assert (target / "mine" / "notes.md").read_text() == "seen on the bench"
 
 
+def test_a_file_saved_there_while_the_report_is_made_is_not_lost(tmp_path: Path) -> None:
+    target = tmp_path / "out"
+    output = output_folder(target, "result.json")
+    (output.__enter__() / "result.json").write_text(OLD)
+    target.mkdir()
+    (target / "notes.txt").write_text("seen on the bench")
+    with pytest.raises(Refusal, match=r"output .*out: found a folder with other files in it, expected a new folder"):
+        output.__exit__(None, None, None)
+    assert (target / "notes.txt").read_text() == "seen on the bench"
+    assert left(tmp_path) == ["out"]
+
+
+def test_a_folder_reached_through_one_that_is_missing_is_not_lost(tmp_path: Path) -> None:
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "notes.txt").write_text("seen on the bench")
+    with pytest.raises(Refusal, match=r"missing/\.\./mine: found a folder with other files in it"):
+        output_folder(tmp_path / "missing" / ".." / "mine", "result.json").__enter__()
+    assert (mine / "notes.txt").exists()
+    with output_files(tmp_path / "missing" / ".." / "mine") as folder:
+        (folder / "page.html").write_text("")
+    assert left(tmp_path) == ["mine"]
+    assert left(mine) == ["notes.txt", "page.html"]
+
+
 def test_a_folder_that_cannot_be_replaced_as_a_whole_is_refused_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

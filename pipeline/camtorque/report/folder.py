@@ -53,18 +53,18 @@ def check_output(target: Path, marker: str) -> None:
     ------
     Refusal : the target is a file, a folder with other things in it, or one that cannot be replaced as a whole
     """
-    if target.is_file():
+    whole = real_path(target)  # `missing/../folder` is a folder, which the path as it stands does not show
+    if whole.is_file():
         raise Refusal(f"output {target}: found a file, expected a folder; choose another name")
-    whole = real_path(target)
     if whole.is_mount() or whole == Path.cwd():
         kind = "the place of a disk" if whole.is_mount() else "the folder in which the command runs"
         raise Refusal(
             f"output {target}: found {kind}, expected a folder that can be replaced as a whole; choose one inside it, "
             f"such as {target / 'report'}"
         )
-    there = [path.name for path in _marker_paths(target) if path.is_file()]
-    own = any(str(_document(target / name).get("schema", "")).startswith("camtorque.") for name in there)
-    if target.is_dir() and any(target.iterdir()) and not own:
+    there = [path.name for path in _marker_paths(whole) if path.is_file()]
+    own = any(str(_document(whole / name).get("schema", "")).startswith("camtorque.") for name in there)
+    if whole.is_dir() and any(whole.iterdir()) and not own:
         damaged = first_of(there, 3)
         what = f"{damaged} that is damaged or another program's" if damaged else "a folder with other files in it"
         raise Refusal(
@@ -76,7 +76,7 @@ def check_output(target: Path, marker: str) -> None:
             f"output {target}: found a report of another command ({there[0]}), expected a new folder or one with "
             f"{marker}; choose another name"
         )
-    if target.is_dir() and (more := unlisted_files(target)):
+    if whole.is_dir() and (more := unlisted_files(whole)):
         named = first_of(more, 3)
         raise Refusal(
             f"output {target}: found {named} beside an earlier report, which would be lost, expected files of the "
@@ -130,6 +130,7 @@ def output_folder(target: Path, marker: str) -> Iterator[Path]:
     with _written_beside(target, real_path(target)) as partial:
         yield partial
         seal(partial, target.name)
+        check_output(target, marker)  # again: a file that somebody saved there since would be lost
         _replace(partial, real_path(target))
 
 
@@ -152,12 +153,12 @@ def output_files(target: Path) -> Iterator[Path]:
     Refusal : another run writes there; the place cannot be written, is full or went away
     """
     # inside a folder that is there: beside it may be another disk, or not one's own
-    place = real_path(target) / "files" if target.is_dir() else real_path(target)
-    with _written_beside(target, place) as partial:
+    whole = real_path(target)
+    with _written_beside(target, whole / "files" if whole.is_dir() else whole) as partial:
         yield partial
         for file in sorted(partial.rglob("*")):
             if file.is_file() and file.name != LOCK:
-                moved = target / file.relative_to(partial)
+                moved = whole / file.relative_to(partial)
                 moved.parent.mkdir(parents=True, exist_ok=True)
                 os.replace(file, moved)
 
