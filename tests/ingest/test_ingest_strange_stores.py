@@ -6,6 +6,7 @@ import gc
 import gzip
 import zipfile
 from dataclasses import replace
+from decimal import Decimal
 from pathlib import Path
 from types import ModuleType
 
@@ -443,9 +444,29 @@ def test_a_tdms_channel_needs_its_group_only_where_others_have_its_name(tmp_path
         tdms.read(file, (spec(file, "", "Torque"),), "")
 
 
+def test_numbers_that_a_database_exports_are_numbers(tmp_path: Path):
+    arrow, store = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    texts = [f"{value:.3f}" for value in TORQUE]
+    decimals = arrow.array([Decimal(text) for text in texts])
+    file = tmp_path / "run.parquet"
+    store.write_table(arrow.table({"text": texts, "decimal": decimals}), file)
+    found = {channel.name: channel.source.read(0, len(texts)) for channel in parquet.channels(file)}
+    assert list(found) == ["text", "decimal"]
+    for values in found.values():
+        np.testing.assert_allclose(values, np.array(texts, dtype=float), rtol=4e-16)  # pyarrow rounds decimals so
+
+
+def test_a_parquet_file_without_a_number_is_told_as_that(tmp_path: Path):
+    arrow, store = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    file = tmp_path / "run.parquet"
+    store.write_table(arrow.table({"note": ["ok"] * 9, "remark": ["-"] * 9}), file)
+    with pytest.raises(Refusal, match="found no column of numbers, expected the samples of the channels; export them"):
+        parquet.channels(file)
+
+
 def test_a_parquet_column_of_texts_is_told_as_that(tmp_path: Path):
     arrow = pytest.importorskip("pyarrow")
-    table = arrow.table({"torque": [f"{value:.3f}" for value in TORQUE], "p": TORQUE})
+    table = arrow.table({"torque": [f"{value:.3f}".replace(".", ",") for value in TORQUE], "p": TORQUE})
     for file, write in ((tmp_path / "run.parquet", arrow.parquet.write_table),
                         (tmp_path / "run.feather", arrow.feather.write_feather)):  # fmt: skip
         write(table, file)

@@ -40,8 +40,10 @@ INCREMENT = re.compile(r"increment", re.IGNORECASE)
 """Of a name that stands over the step of the time."""
 PER_SECOND = re.compile(r"(?P<number>[\d.,]+(e[+-]?\d+)?)\s*(?P<unit>[kM]?(S/s|Sa/s|sps))\b", re.IGNORECASE)
 VALUE = re.compile(
-    r"^(?P<before>[^\d+-]{0,30}?)(?P<number>\d[\d.,]*(?:e[+-]?\d+)?)\s*(?P<unit>[a-zµμ]*(?:/s)?)", re.IGNORECASE
+    r"^(?P<before>[^\d+-]{0,30}?)(?<![a-z])(?P<number>\d[\d.,]*(?:e[+-]?\d+)?)\s*(?P<unit>[a-zµμ]*(?:/s)?)",
+    re.IGNORECASE,
 )
+"""A number and its unit, not one within the name of an amplifier."""
 RATES = {"": 1.0, "hz": 1.0, "khz": 1e3, "mhz": 1e6, "1/s": 1.0, "s/s": 1.0, "sa/s": 1.0, "sps": 1.0, "ks/s": 1e3,
          "ksa/s": 1e3, "ksps": 1e3, "ms/s": 1e6, "msa/s": 1e6, "msps": 1e6}  # fmt: skip
 """Spelling of a unit of rates, in small letters -> factor to Hz."""

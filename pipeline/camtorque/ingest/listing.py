@@ -91,7 +91,11 @@ def _may_be_time(layout: CsvLayout, column: int, source: SampleSource) -> bool:
 
 def _refuse_cycles_side_by_side(path: Path, layout: CsvLayout, sources: Mapping[int, SampleSource], first: int) -> None:
     """Refuse a table of cycles: one in each column over the angle of a turn, or one in each row."""
-    n_rows = next(iter(sources.values())).n_samples
+    n_rows = max((source.n_samples for source in sources.values()), default=0)
+    if not sources:
+        raise Refusal(
+            f"{path}: found no column of numbers, expected the samples of the channels; export them as numbers"
+        )
     if layout.n_columns > max(MOST_COLUMNS, n_rows):
         raise Refusal(f"{path}: holds {layout.n_columns} columns of {n_rows} rows, as cycles in rows do; {OVER_TIME}")
     if first < 0:

@@ -87,7 +87,8 @@ def _layout(path: Path) -> tuple[CsvLayout, Any]:
     names, units, first = [], [], []
     kinds = library.types
     for item in schema:
-        number = kinds.is_floating(item.type) or kinds.is_integer(item.type) or kinds.is_boolean(item.type)
+        tests = (kinds.is_floating, kinds.is_integer, kinds.is_boolean, kinds.is_decimal)
+        number = any(test(item.type) for test in tests)
         stamp, span = kinds.is_timestamp(item.type), kinds.is_duration(item.type)
         name, unit = name_and_unit(item.name)
         stated = next((item.metadata[key].decode() for key in UNIT_KEYS if key in (item.metadata or {})), unit)
@@ -107,13 +108,19 @@ def _texts(library: Any, schema: Any) -> list[str]:
 
 
 def _levels(texts: list[str], rows: Iterable[Any]) -> set[str]:
-    """Return the columns of texts, pandas' categories among them, whose first one is a word for a level."""
+    """Return the columns of texts, pandas' categories among them, whose first one is a number or a word for a level."""
     first = [row for row in rows if row.num_rows] if texts else []
     return {name for row in first for name in texts if _level(row.column(name)[0].as_py()) is not None}
 
 
 def _level(word: str | None) -> float | None:
-    return None if word is None else LEVELS.get(word.strip().lower())
+    """Return the number that a text is, as databases export it, or the level that a word names."""
+    if word is None:
+        return None
+    try:
+        return float(word)
+    except ValueError:
+        return LEVELS.get(word.strip().lower())
 
 
 def _refuse_no_numbers(path: Path, layout: CsvLayout, schema: Any, specs: tuple[ChannelSpec, ...]) -> None:
@@ -159,7 +166,11 @@ def _numbers(library: Any, column: Any) -> np.ndarray:
         return levels[words.indices.cast(library.int64()).fill_null(-1).to_numpy()]
     if library.types.is_timestamp(column.type) or library.types.is_duration(column.type):
         return column.cast(library.int64()).to_numpy().astype(np.float64) * UNITS["time"][column.type.unit]
-    return column.to_numpy().astype(np.float64)
+    return (
+        (column.cast(library.float64()) if library.types.is_decimal(column.type) else column)
+        .to_numpy()
+        .astype(np.float64)
+    )
 
 
 def refuse_lying_pages(path: Path, metadata: Any) -> None:
