@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from camtorque.align import align
 from camtorque.ingest import read_recording
-from camtorque.mechanism.load_check import base_findings, load_findings, load_ratio, ratio_findings, rises_together
+from camtorque.mechanism.load_check import (
+    base_findings,
+    further_findings,
+    load_findings,
+    load_ratio,
+    ratio_findings,
+    rises_together,
+)
 from camtorque.records import CamCycles, Recording, Refusal
 from camtorque.rehearsal import rigid_torque
 from damaged.logs import CALIBRATION
@@ -168,3 +175,28 @@ def test_a_small_swing_beside_the_torque_is_not_judged(aligned):
     recording, cycles = aligned
     small = np.roll(0.1 * cycles.pressure, cycles.theta.size // 2, axis=1)
     assert not told(recording, replace(cycles, pressure=small))
+
+
+@pytest.mark.parametrize(("factor", "seen"), [(1.2, False), (10.0, True), (0.1, True)])
+def test_a_chamber_pressure_in_another_unit_is_told(aligned, factor: float, seen: bool):
+    _, cycles = aligned
+    both = replace(cycles, channels={"chamber_pressure": factor * cycles.pressure})
+    found = further_findings(both)
+    assert [row.code for row in found] == ["chamber_against_line"] * seen
+    assert all("expected 0.5 to 3 times as much in the chamber: check unit" in row.text for row in found)
+
+
+@pytest.mark.parametrize(("factor", "seen"), [(1.0, False), (-1.0, False), (2.0, False), (1.0 / 60.0, True)])
+def test_a_speed_that_contradicts_the_trigger_is_told(aligned, factor: float, seen: bool):
+    _, cycles = aligned
+    speed = np.full(cycles.pressure.shape, factor * cycles.mean_speed)
+    speed[0] = np.nan  # that the channel does not cover
+    found = further_findings(replace(cycles, channels={"shaft_speed": speed}))
+    assert [row.code for row in found] == ["speed_against_trigger"] * seen
+    assert all("check the unit of the one (rpm, Hz, rad/s)" in row.text for row in found)
+
+
+def test_a_channel_that_covers_no_cycle_is_held_against_nothing(aligned):
+    _, cycles = aligned
+    nothing = np.full(cycles.pressure.shape, np.nan)
+    assert not further_findings(replace(cycles, channels={"shaft_speed": nothing, "chamber_pressure": nothing}))

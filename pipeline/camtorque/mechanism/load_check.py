@@ -1,4 +1,4 @@
-"""Measured torque, line pressure and lift against each other: are they of this pump and of one run.
+"""Measured torque, line pressure, lift and what else was recorded against each other: are they of this pump, one run.
 
 While the valve delivers, the plunger carries at least the line pressure and friction adds to it, so the measured
 torque lies above the rigid one: 1.00 to 1.67 times in 67 recordings of 52 simulated pumps.
@@ -18,7 +18,7 @@ import numpy as np
 
 from camtorque.config import PumpData
 from camtorque.records import Array, CamCycles, Finding, Mask, Recording, Refusal, RigidTorque
-from camtorque.units import BAR, TURN, short
+from camtorque.units import BAR, RPM, TURN, short
 
 LOADED_SHARE = 0.7
 """Share of the largest rigid torque above which an angle counts."""
@@ -43,6 +43,11 @@ LARGE_SWING = 0.3
 HELD = 0.4
 """Least over largest pressure above which a rail holds the line, of which what rings may be most of the swing: 0.5 to
 0.9 on rails, 0.3 at most on 60 lines that empty."""
+
+CHAMBER = (0.5, 3.0)
+"""Largest measured pressure in the chamber over that in the line: valve and outlet take 5 to 60 % of it."""
+SAME_SPEED, GEARS = 0.1, (0.5, 1.0, 2.0)
+"""Share by which a recorded speed may miss the one by the trigger; speeds of shafts that drive a pump, over its own."""
 
 BASE_LIFT = 0.01
 """Share of the stroke below which the follower stands on the base circle."""
@@ -83,8 +88,9 @@ def load_findings(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -
     ------
     Refusal : the line pressure rises where the plunger does not deliver, and no rail holds it
     """
+    further = further_findings(cycles)
     if cycles.torque is None:
-        return ()
+        return further
     pump = recording.config.pump
     misplaced = _misplaced_findings(cycles, rigid, pump)
     sheets = [channel.calibration for channel in recording.of("torque")]
@@ -96,7 +102,7 @@ def load_findings(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -
     found, tolerance = against(rigid), recording.config.trigger.installation_tolerance
     if found and tolerance > math.radians(MOUNTED_DEG):
         found = against(placed(cycles, rigid, pump, tolerance))
-    return (*misplaced, *found)
+    return (*misplaced, *found, *further)
 
 
 def placed(cycles: CamCycles, rigid: RigidTorque, pump: PumpData, tolerance: float) -> RigidTorque:
@@ -203,3 +209,43 @@ def _misplaced_findings(cycles: CamCycles, rigid: RigidTorque, pump: PumpData) -
     if np.min(pressure) < HELD * np.max(pressure):
         raise Refusal(f"{text}; {checks}")
     return (Finding("pressure_misplaced", "warning", f"{text}; a rail may ring so, else {checks}", "pressure"),)
+
+
+def further_findings(cycles: CamCycles) -> tuple[Finding, ...]:
+    """Return warnings where a recorded chamber pressure or speed is off by a factor, as a slip of unit makes it."""
+    return (*_chamber_findings(cycles), *_speed_findings(cycles))
+
+
+def _mean_cycle(cycles: CamCycles, quantity: str) -> Array | None:
+    """Return the mean of the cycles that a further channel covers (n_theta,), None where it covers none."""
+    values = cycles.channels.get(quantity)
+    whole = values is not None and np.isfinite(values).all(axis=1)
+    return np.mean(values[whole], axis=0) if values is not None and np.any(whole) else None
+
+
+def _chamber_findings(cycles: CamCycles) -> tuple[Finding, ...]:
+    curve = _mean_cycle(cycles, "chamber_pressure")
+    if curve is None:
+        return ()
+    chamber, line = float(np.max(curve)), float(np.max(cycles.mean_pressure))
+    if CHAMBER[0] * line < chamber < CHAMBER[1] * line:
+        return ()
+    text = (
+        f"the chamber pressure reaches {short(chamber / BAR)} bar, the line pressure {short(line / BAR)} bar, expected "
+        f"{CHAMBER[0]:g} to {CHAMBER[1]:g} times as much in the chamber: check unit and sensitivity of both"
+    )
+    return (Finding("chamber_against_line", "warning", text, "chamber_pressure"),)
+
+
+def _speed_findings(cycles: CamCycles) -> tuple[Finding, ...]:
+    curve = _mean_cycle(cycles, "shaft_speed")
+    if curve is None:
+        return ()
+    speed = float(np.mean(curve))
+    if min(abs(abs(speed) / cycles.mean_speed / gear - 1.0) for gear in GEARS) < SAME_SPEED:
+        return ()
+    text = (
+        f"the recorded speed is {short(speed / RPM)} rpm, the trigger tells {short(cycles.mean_speed / RPM)} rpm of "
+        "the cam: check the unit of the one (rpm, Hz, rad/s), and how many marks of the other pass in a turn"
+    )
+    return (Finding("speed_against_trigger", "warning", text, "shaft_speed"),)
