@@ -186,17 +186,18 @@ def test_bounds_narrow_what_is_stated_and_tell_nothing(fit):
 
 def test_structures_that_exchange_two_losses_leave_their_sum_sure():
     def minimum(z, pressure):
-        chain = SimpleNamespace(theta=np.zeros(2))
+        motion = SimpleNamespace(theta=np.array([0.0, 2.0, 4.0]))
         return SimpleNamespace(
-            problem=SimpleNamespace(names=("friction", "damping")), data=SimpleNamespace(chain=chain),
-            solution=SimpleNamespace(z=np.array(z), output=SimpleNamespace(pressure=np.array(pressure))),
+            problem=SimpleNamespace(names=("friction", "damping")),
+            data=SimpleNamespace(chain=SimpleNamespace(theta=np.zeros(3))),
+            solution=SimpleNamespace(z=np.array(z), output=SimpleNamespace(pressure=np.array(pressure), motion=motion)),
         )  # fmt: skip
 
-    found = (minimum([4.0, 2.0], [5.0, 5.0]), minimum([1.0, 5.0], [6.0, 5.0]), minimum([9.0, 9.0], [0.0, 0.0]))
+    found = (minimum([4.0, 2.0], [5.0] * 3), minimum([1.0, 5.0], [6.0, 5.0, 5.0]), minimum([9.0, 9.0], [0.0] * 3))
     shifts, pressures = structure_spread(found, (0.75, 0.25, 0.0))
     np.testing.assert_allclose(np.sqrt(np.sum(shifts**2, axis=0)), [1.5, 1.5])
     np.testing.assert_allclose(shifts @ [1.0, 1.0], 0.0)
-    np.testing.assert_allclose(np.sqrt(np.sum(pressures**2, axis=0)), [0.5, 0.0])
+    np.testing.assert_allclose(np.sqrt(np.sum(pressures**2, axis=0)), [0.5, 0.0, 0.0])
     (alone,), (still,) = structure_spread(found[:1], (1.0,))
     assert not alone.any()
     assert not still.any()

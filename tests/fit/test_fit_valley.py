@@ -15,6 +15,7 @@ from camtorque.fit.uncertainty import (
     along_valley,
     covariance,
     pressure_jacobian,
+    pressure_moved_to,
     ripple,
     stated_pressure,
     unresolved_amplitude,
@@ -30,7 +31,8 @@ from camtorque.fit.valleys import (
     profile_trigger_angle,
     softer_shaft,
 )
-from camtorque.laws.chain import COLUMN_NAMES
+from camtorque.laws.chain import COLUMN_NAMES, evaluate
+from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.valve import SEAT_FLOW
 from fit_cases import quick, quick_halves, rig
 from fit_chain import chain_input, start_values
@@ -124,12 +126,33 @@ def test_a_wider_valley_moves_the_others_along_it():
 
 def test_the_pressure_follows_its_parameters():
     found = quick(LAND)
-    tangents = found.solution.output.pressure_tangents
-    jacobian, places = pressure_jacobian(found.problem, tangents)
-    assert jacobian.shape == (tangents.shape[0], len(places))
+    output = found.solution.output
+    jacobian, places = pressure_jacobian(found.problem, output)
+    assert jacobian.shape == (output.pressure.size, len(places))
     names = [found.problem.names[k] for k in places]
     assert {"bulk_modulus", "valve_mass", TRIGGER_ANGLE, "shaft_compliance"} <= set(names)
     assert "bearing_arm" not in names
+
+
+def test_the_pressure_moves_at_the_cam_angle_at_which_it_is_drawn():
+    """A trigger that sat elsewhere leaves the pressure where it is in time and moves all of it over the cam angle."""
+    found = quick(LAND)
+    output, step = found.solution.output, 2e-4
+    jacobian, places = pressure_jacobian(found.problem, output)
+    by_trigger = jacobian[:, places.index(found.problem.index(TRIGGER_ANGLE))]
+    values, coefficients = found.problem.values(found.solution.z, 0)
+    turned = {**values, TRIGGER_ANGLE: values[TRIGGER_ANGLE] + step}
+    other = evaluate(found.data.chain, turned, coefficients)
+    there = np.interp(output.motion.theta, other.motion.theta, other.pressure, period=2.0 * np.pi)
+    loaded = output.pressure > 0.1 * np.max(output.pressure)
+    size = np.sqrt(np.mean(by_trigger[loaded] ** 2))
+
+    def off(moved):  # the grid's points do not meet the bends of the curve
+        return np.sqrt(np.mean((moved - by_trigger)[loaded] ** 2)) / size
+
+    assert off((there - output.pressure) / step) < 0.1
+    assert off(pressure_moved_to(output, other) / step) < 0.1
+    assert off(output.pressure_tangents[:, len(CHAMBER_NAMES)]) > 0.5
 
 
 @pytest.mark.parametrize("n", [1800, 7200])

@@ -23,7 +23,7 @@ from camtorque.fit.minima import Candidate, Halves, at_minimum, attempted
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT
 from camtorque.fit.problem import with_rows
 from camtorque.fit.truncated import one_sided_moments
-from camtorque.fit.uncertainty import covariance
+from camtorque.fit.uncertainty import covariance, pressure_moved_to
 from camtorque.laws import ROWS
 from camtorque.laws.rows import ParameterRow
 from camtorque.process.second_process import in_two
@@ -95,7 +95,7 @@ def structure_spread(candidates: Sequence[Candidate], probabilities: tuple[float
             continue
         values = dict(zip(item.problem.names, item.solution.z.tolist(), strict=True))
         delta = np.array([values.get(name, z) - z for name, z in zip(names, best.solution.z, strict=True)])
-        moved = item.solution.output.pressure - best.solution.output.pressure
+        moved = pressure_moved_to(best.solution.output, item.solution.output)
         shifts.append(np.sqrt(probability) * delta)
         pressures.append(np.sqrt(probability) * moved)
     return np.array(shifts), np.array(pressures)

@@ -210,10 +210,9 @@ def _losses(fit: Fit, fitted: Modelled) -> dict[str, float]:
 
 def pressure_stds(fit: Fit, fitted: Modelled) -> Array | None:
     """Return the chamber pressure's standard uncertainty, total and statistical, over angle, (2, n_theta) [Pa]."""
-    tangents = fitted.output.pressure_tangents
-    if tangents is None or not fitted.chain.uses_chamber:
+    if fitted.output.pressure_tangents is None or not fitted.chain.uses_chamber:
         return None
-    jacobian, own = pressure_jacobian(fit.problem, tangents)
+    jacobian, own = pressure_jacobian(fit.problem, fitted.output)
     variance = np.einsum("ij,jk,ik->i", jacobian, fit.deviation[np.ix_(own, own)], jacobian)
     statistical = variance
     for shift in fit.pressure_shifts:

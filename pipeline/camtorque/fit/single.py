@@ -57,6 +57,7 @@ from camtorque.fit.uncertainty import (
     narrowed,
     posterior_at,
     pressure_jacobian,
+    pressure_moved_to,
 )
 from camtorque.fit.valleys import TRIGGER_ANGLE, Valley, profile_trigger_angle, softer_shaft, turned_round
 from camtorque.laws.chain import binned
@@ -235,7 +236,7 @@ def fit_prepared(prepared: Prepared, weighed: bool = True) -> Fit:
     shifts, pressures = {BENT: along[None]}, [pressure_moved(best, along)]
     for source, variant, share in variants(prepared):
         shifts[source] = share * (variant.solution.z - solution.z)[None]
-        pressures.append(share * (variant.solution.output.pressure - solution.output.pressure))
+        pressures.append(share * pressure_moved_to(solution.output, variant.solution.output))
     shifts["other structures"], moved = structure_spread(prepared.candidates, probabilities)
     pressures.extend(moved)
     shifts[SWITCHING] = switching_shift(problem, [switching_std(prepared.cycles)])[None]
@@ -266,9 +267,7 @@ def variants(prepared: Prepared) -> Iterator[tuple[str, Candidate, float]]:
 
 def pressure_moved(best: Candidate, shift: Array) -> Array:
     """Return how far a shift of the parameters (k,) [SI] moves the chamber pressure, (n,) [Pa]."""
-    tangents = best.solution.output.pressure_tangents
-    assert tangents is not None
-    jacobian, places = pressure_jacobian(best.problem, tangents)
+    jacobian, places = pressure_jacobian(best.problem, best.solution.output)
     return np.asarray(jacobian @ shift[places])
 
 

@@ -14,7 +14,7 @@ from camtorque.laws.chain import SHIFT_NAMES, ChainInput, ChainOutput
 from camtorque.laws.chamber import NAMES as CHAMBER_NAMES
 from camtorque.laws.valve import SEAT_FLOW
 from camtorque.records import Array, Mask, ReadOnly
-from camtorque.units import COVERAGE
+from camtorque.units import COVERAGE, TURN
 
 STATED_VALUES = 10.0
 """Values that the stated variance of a residual is worth: it is known to within half."""
@@ -143,14 +143,30 @@ def along_valley(deviation: Array, index: int, std: float) -> Array:
     return np.asarray(column / column[index] * np.sqrt(missing) if missing > 0.0 else np.zeros(column.size))
 
 
-def pressure_jacobian(problem: Problem, tangents: Array) -> tuple[Array, list[int]]:
-    """Return the derivative of a recording's chamber pressure (n, m) [Pa/SI] by parameters, and their places (m,).
+def pressure_jacobian(problem: Problem, output: ChainOutput) -> tuple[Array, list[int]]:
+    """Return the derivative of the chamber pressure at a cam angle (n, m) [Pa/SI] by parameters, and their places (m,).
 
-    ``tangents`` are those of `camtorque.laws.chain.ChainOutput`.
+    ``output`` is a recording's, with tangents.
     """
     columns = (*CHAMBER_NAMES, *SHIFT_NAMES)
     own = [k for k, one in enumerate(problem.parameters) if one.row.name in columns]
+    assert output.pressure_tangents is not None
+    tangents = output.pressure_tangents.copy()
+    tangents[:, len(CHAMBER_NAMES) :] -= pressure_slope(output)[:, None] * output.motion.shifts[0]
     return tangents[:, [columns.index(problem.parameters[k].row.name) for k in own]], own
+
+
+def pressure_slope(output: ChainOutput) -> Array:
+    """Return the derivative of the chamber pressure by the cam angle, (n,) [Pa/rad]."""
+    rise = np.roll(output.pressure, -1) - np.roll(output.pressure, 1)
+    turned = np.roll(output.motion.theta, -1) - np.roll(output.motion.theta, 1)
+    return np.asarray(rise / np.mod(turned, TURN))
+
+
+def pressure_moved_to(output: ChainOutput, other: ChainOutput) -> Array:
+    """Return how far the chamber pressure at a cam angle lies from an output to another one of its grid, (n,) [Pa]."""
+    turned = other.motion.theta - output.motion.theta
+    return np.asarray(other.pressure - output.pressure - pressure_slope(output) * turned)
 
 
 def delivering(output: ChainOutput) -> Mask:

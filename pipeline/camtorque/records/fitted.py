@@ -143,7 +143,7 @@ class FittedTorque(ReadOnly):
     torque_held_out : (n_theta,) the same parameters on the pressure of the held-out cycles [N m]
     by_cause : cause -> (n_theta,) [N m]; causes sum to ``torque``
     chamber_pressure : (n_theta,) rebuilt pressure on the plunger [Pa, gauge]
-    chamber_pressure_std : (n_theta,) its total standard uncertainty [Pa]
+    chamber_pressure_std : (n_theta,) its total standard uncertainty at the cam angle ``true_angle`` [Pa]
     true_angle : (n_theta,) cam angle of each grid point after trigger angle, twist and delay [rad]
     forces : forces of the fitted model
     losses : cause -> J per revolution, with ``input`` and ``closure_percent`` (nan without input)

@@ -150,7 +150,7 @@ def _model(result: RunResult) -> list[Variable]:
                 for name, values in causes.items()
             ),
             Variable("model/chamber_pressure", fitted.chamber_pressure, "Pa", "rebuilt pressure on the plunger, gauge"),
-            Variable("model/chamber_pressure_std", std, "Pa", "total standard uncertainty of the chamber pressure"),
+            Variable("model/chamber_pressure_std", std, "Pa", "its total standard uncertainty at the true angle"),
         ]
     )
 
