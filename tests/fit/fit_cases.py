@@ -36,7 +36,12 @@ def stiff_shaft(rng: np.random.Generator) -> RigTruth:
     return change(FAMILIES["closed_volume"](rng), driveline__shaft_stiffness=60.0e3)
 
 
-CASES = {**FAMILIES, "plain_bush": plain_bush, "stiff_shaft": stiff_shaft}
+def suction_valve(rng: np.random.Generator) -> RigTruth:
+    """Return `spill` whose chamber is filled through a valve on the whole return."""
+    return change(FAMILIES["spill"](rng), chamber__suction_area=12.0e-6)
+
+
+CASES = {**FAMILIES, "suction_valve": suction_valve, "plain_bush": plain_bush, "stiff_shaft": stiff_shaft}
 
 
 @cache

@@ -10,17 +10,19 @@ from camtorque.fit.joint import joint_fit_of, solve_joint
 from camtorque.fit.joint_fit import other_kind_at, with_likelier_pin
 from camtorque.fit.joint_input import joint_input
 from camtorque.fit.joint_solver import solve_many
-from camtorque.fit.kinds import ARM, BUSH_SOURCE, BUSHES, kind_rows, other_kind
+from camtorque.fit.kinds import KINDS, PIN, other_kind
 from camtorque.fit.problem import build_problem, started_at, with_rows
-from camtorque.fit.single import PIN, SOFTER
+from camtorque.fit.single import SOFTER
 from camtorque.fit.valleys import COMPLIANCE, STIFF
 from camtorque.laws import ROWS
 from camtorque.process.threads import in_turn
 from fit_cases import quick_prepared, rig
 
 SPEEDS, IN_PLAIN = (700.0, 1200.0), "plain_bush"
+BUSH = KINDS[PIN]
+ARM = BUSH.parameter
 NEEDLES = ROWS[ARM]
-IN_BUSH = replace(NEEDLES, **kind_rows(NEEDLES)[1])
+IN_BUSH = replace(NEEDLES, **BUSH.rows(NEEDLES)[1])
 
 
 @pytest.fixture(scope="module")
@@ -42,9 +44,9 @@ def test_the_other_kind_is_what_bayes_rule_makes_of_the_same_data(likeliest, wid
         evidence = np.trapezoid(product, arm)
         return np.log(evidence), np.trapezoid(arm * product, arm) / evidence
 
-    found = other_kind(begun, mean, np.sqrt(variance))
+    found = other_kind(BUSH, begun, mean, np.sqrt(variance))
     (log_now, now), (log_other, other) = with_prior(begun.prior), with_prior(found.rows["prior"])
-    share = BUSHES if begun is NEEDLES else 1.0 - BUSHES
+    share = BUSH.share if begun is NEEDLES else 1.0 - BUSH.share
     assert found.log_odds == pytest.approx(log_other - log_now + np.log(share / (1.0 - share)), abs=1e-6)
     assert found.moved == pytest.approx(other - now, abs=1e-10)
 
@@ -55,7 +57,7 @@ def test_recordings_that_were_taken_for_needles_tell_a_bush_together(bushed):
     begun = build_problem([with_rows(item, needles) for item in started_at(problem, solution.z)])
     start = solve_many(begun, begun.start, 25)
     ended, found = with_likelier_pin(begun, start, in_turn)
-    assert {item.rows[ARM].source for item in ended.data} == {BUSH_SOURCE}
+    assert {item.rows[ARM].source for item in ended.data} == {BUSH.source}
     rub = rig(IN_PLAIN, 0, SPEEDS[0]).truth.friction
     true, place = rub.pin_mu * rub.pin_radius, ended.index(ARM)
     assert abs(found.z[place] - true) < 0.7 * abs(start.z[place] - true)

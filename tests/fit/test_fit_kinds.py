@@ -1,4 +1,4 @@
-"""A roller's pin on needles or in a plain bush: which one a recording tells, and what the other one adds."""
+"""A pin on needles or in a plain bush, a suction valve or none: which one a recording tells, what the other adds."""
 
 from __future__ import annotations
 
@@ -8,13 +8,22 @@ import numpy as np
 import pytest
 from camtorque.fit import kinds
 from camtorque.fit.joint_input import with_common_rows
-from camtorque.fit.kinds import ARM, BUSH, BUSH_SOURCE, kind_rows, log_odds, of_most, pin_decided
+from camtorque.fit.kinds import INLET, KINDS, PIN, kinds_decided, log_odds
 from camtorque.fit.problem import with_rows
-from camtorque.fit.single import PIN, fit_prepared
+from camtorque.fit.single import fit_prepared
 from camtorque.laws import ROWS
 from fit_cases import quick, quick_data, quick_halves, quick_prepared, rig
 
 NEEDLES, IN_BUSH = ("closed_volume", 0, 1000.0), ("plain_bush", 0, 1000.0)
+BUSH = KINDS[PIN]
+ARM = BUSH.parameter
+VALVE = KINDS[INLET]
+
+
+def kind_decided(minima, halves, name):
+    """Return minima and the fit beside them where one part alone is asked for."""
+    found, others = kinds_decided(minima, halves, {name: KINDS[name]})
+    return found, others.get(name)
 
 
 def arm(item) -> float:
@@ -23,7 +32,7 @@ def arm(item) -> float:
 
 @pytest.fixture(scope="module")
 def bushed():
-    minima, other = pin_decided([quick(IN_BUSH)], quick_halves(IN_BUSH))
+    minima, other = kind_decided([quick(IN_BUSH)], quick_halves(IN_BUSH), PIN)
     return minima[0], other
 
 
@@ -31,7 +40,7 @@ def test_a_plain_bush_is_told_by_its_friction(bushed):
     best, other = bushed
     rub = rig(*IN_BUSH).truth.friction
     true = rub.pin_mu * rub.pin_radius
-    assert best.data.rows[ARM].source == BUSH_SOURCE
+    assert best.data.rows[ARM].source == BUSH.source
     assert other is not None
     assert other.probability < 0.4
     # needles take less than half of the friction that a bush had, and the rest goes to other losses
@@ -40,18 +49,18 @@ def test_a_plain_bush_is_told_by_its_friction(bushed):
 
 def test_needles_stay_what_they_are():
     best = quick(NEEDLES)
-    minima, other = pin_decided([best], quick_halves(NEEDLES))
+    minima, other = kind_decided([best], quick_halves(NEEDLES), PIN)
     assert minima == [best]
     assert other is not None
     assert other.probability < 0.4
-    assert other.candidate.data.rows[ARM].prior == BUSH
+    assert other.candidate.data.rows[ARM].prior == BUSH.prior
 
 
 def test_the_other_kind_widens_what_it_moves(bushed):
     best, other = bushed
     prepared = replace(quick_prepared(*IN_BUSH), candidates=(best,))
     alone = fit_prepared(prepared, weighed=False)
-    both = fit_prepared(replace(prepared, other_pin=other), weighed=False)
+    both = fit_prepared(replace(prepared, other_kinds={PIN: other}), weighed=False)
     moved = other.candidate.solution.z - best.solution.z
     np.testing.assert_allclose(both.std**2 - alone.std**2, other.probability * moved**2, rtol=1e-4)
     assert set(both.shifts) - set(alone.shifts) == {PIN}
@@ -60,14 +69,14 @@ def test_the_other_kind_widens_what_it_moves(bushed):
 
 def test_a_fit_that_ends_nowhere_decides_nothing(monkeypatch):
     best = quick(NEEDLES)
-    monkeypatch.setattr(kinds, "_in_bush", lambda halves, item: None)
-    assert pin_decided([best], quick_halves(NEEDLES)) == ([best], None)
+    monkeypatch.setattr(kinds, "_with_other", lambda halves, turned: None)
+    assert kind_decided([best], quick_halves(NEEDLES), PIN) == ([best], None)
 
 
 def test_a_foot_that_slides_has_no_pin():
     best = quick(NEEDLES)
     foot = replace(best, data=with_rows(best.data, {ARM: {"source": "a foot that slides"}}))
-    assert pin_decided([foot], quick_halves(NEEDLES)) == ([foot], None)
+    assert kind_decided([foot], quick_halves(NEEDLES), PIN) == ([foot], None)
 
 
 def test_odds_that_overflow_decide_nothing(monkeypatch):
@@ -76,18 +85,50 @@ def test_odds_that_overflow_decide_nothing(monkeypatch):
 
     best = quick(NEEDLES)
     monkeypatch.setattr(kinds, "laplace", overflowing)
-    assert log_odds(best, best) is None
-    assert pin_decided([best], quick_halves(NEEDLES)) == ([best], None)
+    assert log_odds(BUSH, best, best) is None
+    assert kind_decided([best], quick_halves(NEEDLES), PIN) == ([best], None)
 
 
 def test_two_fits_alike_are_as_likely_as_benches_are():
     best = quick(NEEDLES)
-    assert log_odds(best, best) == pytest.approx(np.log(kinds.BUSHES / (1.0 - kinds.BUSHES)))
+    assert log_odds(BUSH, best, best) == pytest.approx(np.log(BUSH.share / (1.0 - BUSH.share)))
 
 
-@pytest.mark.parametrize(("bushes", "prior"), [(0, ROWS[ARM].prior), (1, ROWS[ARM].prior), (2, BUSH)])
+@pytest.mark.parametrize(("bushes", "prior"), [(0, ROWS[ARM].prior), (1, ROWS[ARM].prior), (2, BUSH.prior)])
 def test_a_pump_has_the_pin_that_most_of_its_recordings_have(bushes, prior):
     one = quick_data(NEEDLES)
-    items = [with_rows(one, {ARM: kind_rows(one.rows[ARM])[1]}) if k < bushes else one for k in range(3)]
+    items = [with_rows(one, {ARM: BUSH.rows(one.rows[ARM])[1]}) if k < bushes else one for k in range(3)]
     assert {item.rows[ARM].prior for item in with_common_rows(items)} == {prior}
-    assert of_most([one.rows[ARM], items[0].rows[ARM]])[0].prior == ROWS[ARM].prior
+    assert BUSH.of_most([one.rows[ARM], items[0].rows[ARM]])[0].prior == ROWS[ARM].prior
+
+
+def viscous(item) -> float:
+    return float(item.solution.z[item.problem.index("plunger_viscous")])
+
+
+def test_a_valve_that_fills_the_chamber_on_the_return_is_told_from_none():
+    """Without one what passes for it throttles the return, and the plunger's viscous drag pays (decision 0187)."""
+    case = ("suction_valve", 0, 1000.0)
+    minima, others = kinds_decided([quick(case)], quick_halves(case), KINDS)
+    best, other = minima[0], others[INLET]
+    assert set(others) == set(KINDS)
+    assert best.data.rows[VALVE.parameter].source == VALVE.source
+    assert other.probability < 0.4
+    assert other.beside == best
+    true = rig(*case).truth.friction.plunger_viscous
+    assert abs(viscous(best) - true) < abs(viscous(other.candidate) - true)
+
+
+def test_a_pump_without_a_suction_valve_gets_none():
+    case = ("spill", 0, 1000.0)
+    minima, other = kind_decided([quick(case)], quick_halves(case), INLET)
+    assert minima == [quick(case)]
+    assert other is not None
+    assert other.probability < 0.5
+
+
+def test_a_chamber_that_is_the_line_has_no_inlet():
+    """Its fit has no such parameter."""
+    line = quick(("bare", 0, 1000.0))
+    measured = replace(line, problem=replace(line.problem, parameters=()))
+    assert kind_decided([measured], quick_halves(("bare", 0, 1000.0)), INLET) == ([measured], None)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from camtorque.align.budget import wandered
 from camtorque.config import FluidSpec
-from camtorque.fit.kinds import BUSH, BUSH_SOURCE, kind_rows
+from camtorque.fit.kinds import KINDS, PIN
 from camtorque.fit.prepare import fit_data, mean_cycles
 from camtorque.fit.rig_rows import LARGEST_USUAL_ROLLER, NO_INERTIA, USUAL_CAM, USUAL_PLUNGER, _set_warm, rig_rows
 from camtorque.laws import ROWS
@@ -179,9 +179,10 @@ def test_a_larger_pump_is_expected_larger_and_a_smaller_one_no_better_known():
                          "bearing_arm": 3.0, "pin_arm": 5.0, "shaft_drag": 9.0}.items():  # fmt: skip
         assert large[name].prior == pytest.approx([factor * value for value in usual[name].prior])
         assert large[name].upper == pytest.approx(factor * usual[name].upper)
-    (mean, std), source = BUSH, BUSH_SOURCE
-    assert kind_rows(large["pin_arm"])[1] == {"prior": pytest.approx((5.0 * mean, 5.0 * std)), "source": source}
-    assert kind_rows(large["pin_arm"])[0]["prior"] == pytest.approx(large["pin_arm"].prior)
+    bush = KINDS[PIN]
+    mean, std = bush.prior
+    assert bush.rows(large["pin_arm"])[1] == {"prior": pytest.approx((5.0 * mean, 5.0 * std)), "source": bush.source}
+    assert bush.rows(large["pin_arm"])[0]["prior"] == pytest.approx(large["pin_arm"].prior)
     small = rows_of(pump={"plunger_diameter": 0.5 * USUAL_PLUNGER[0]})
     assert small["spill_width"].prior == pytest.approx(
         (0.5 * usual["spill_width"].prior[0], usual["spill_width"].prior[1])

@@ -56,6 +56,7 @@ class Constants(NamedTuple):
     close_width: float
     spill_area: float
     spill_height: float
+    suction_area: float
     # valve
     valve_opening: float
     valve_span: float
@@ -136,6 +137,7 @@ def _hydraulics(truth: RigTruth, port_close_lift: float) -> dict:
         "close_width": chamber.close_width,
         "spill_area": FLOW_COEFFICIENT * chamber.spill_area,
         "spill_height": chamber.spill_height,
+        "suction_area": FLOW_COEFFICIENT * chamber.suction_area,
         "valve_opening": valve.opening_pressure,
         "valve_span": valve.full_open_pressure - valve.opening_pressure,
         "valve_area": FLOW_COEFFICIENT * valve.area,

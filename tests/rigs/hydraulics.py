@@ -59,6 +59,8 @@ def hydraulic_rates(k, x, out, angle, speed, end_angle, spill_lift, nozzle_facto
     pressure = pressure_of(k, density)
 
     port = orifice(ports_area(k, y, wrapped, spill_lift), pressure - k.feed_pressure, k.density, LAMINAR_PORT)
+    if pressure < k.feed_pressure:
+        port += orifice(k.suction_area, pressure - k.feed_pressure, k.density, LAMINAR_PORT)
     port_mass = port * (density if port > 0.0 else k.feed_density)
     growth = 1.0 + k.leak_growth * pressure
     leak_mass = density * k.leak * max(pressure, 0.0) * growth * growth * growth
@@ -133,7 +135,8 @@ def sub_steps(k, x, step, angle, end_angle, spill_lift):
     compliance = volume / (k.modulus + k.slope * pressure)
     speed_factor = np.sqrt(2.0 / k.density)
     excess = abs(pressure - k.feed_pressure)
-    port = ports_area(k, y, wrapped, spill_lift) * speed_factor / np.sqrt(np.sqrt(excess * excess + LAMINAR_PORT**2))
+    area = ports_area(k, y, wrapped, spill_lift) + k.suction_area
+    port = area * speed_factor / np.sqrt(np.sqrt(excess * excess + LAMINAR_PORT**2))
     drop = pressure - x[1]
     valve = 0.0
     if drop > 0.0:

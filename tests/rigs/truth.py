@@ -79,7 +79,7 @@ class Chamber:
     ``dead_volume`` at full lift. The inlet port area falls linearly over ``port_height`` to zero at the lift of
     ``port_close_angle`` on the rise. ``end`` is how delivery ends: ``spill`` (a port whose area opens linearly with
     lift) or ``closed`` (the outlet closes over ``close_width`` and the volume stays trapped). The end is at
-    ``end_angle_zero_load + load * end_angle_span``.
+    ``end_angle_zero_load + load * end_angle_span``. A suction valve lets oil in through ``suction_area``, none out.
     """
 
     dead_volume: float = 2.6e-6
@@ -97,6 +97,7 @@ class Chamber:
     close_width: float = 1.5 * DEGREE
     spill_area: float = 3.0e-6
     spill_height: float = 0.5e-3
+    suction_area: float = 0.0
 
     def __post_init__(self) -> None:
         if self.end not in ("closed", "spill"):

@@ -47,6 +47,7 @@ from camtorque.fit.joint_input import (
     with_own_triggers,
 )
 from camtorque.fit.joint_solver import JointSolution, solve_many
+from camtorque.fit.kinds import PIN
 from camtorque.fit.leftout import HeldOut, left_out, poor_findings, predicted, settling_findings
 from camtorque.fit.minima import attempted
 from camtorque.fit.one_ending import searched_anew, with_known, with_one_ending
@@ -55,7 +56,7 @@ from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import FitData, Problem, build_problem, started_at
 from camtorque.fit.result import parameter_estimates
 from camtorque.fit.shared_lift import SharedLift, shared_lift_from
-from camtorque.fit.single import PIN, SOFTER, SWITCHING, switching_shift
+from camtorque.fit.single import SOFTER, SWITCHING, switching_shift
 from camtorque.process.threads import Each, in_turn, side_by_side
 from camtorque.records import Array, Finding, LossEvidence, ParameterEstimate, Refusal
 from camtorque.units import DEGREE

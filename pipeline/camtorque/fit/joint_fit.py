@@ -21,7 +21,7 @@ from camtorque.fit.derived import modelled, on_cycles
 from camtorque.fit.evidence import Weighed, evidence_of, moves_of, prior_of, small_torque, where_unexplained
 from camtorque.fit.joint_input import JointInput
 from camtorque.fit.joint_solver import JointSolution, solve_many
-from camtorque.fit.kinds import ARM, OtherKind, from_log_odds, other_kind
+from camtorque.fit.kinds import KINDS, PIN, OtherKind, from_log_odds, other_kind
 from camtorque.fit.minima import attempted
 from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import Problem, build_problem, started_at, with_rows
@@ -198,18 +198,20 @@ def with_likelier_pin(problem: Problem, solution: JointSolution, each: Each) -> 
     other = other_kind_at(problem, solution, joint_covariance(problem, solution))
     if other is None or other.log_odds <= 0.0:
         return problem, solution
-    turned = build_problem([with_rows(item, {ARM: other.rows}) for item in started_at(problem, solution.z)])
+    turned = build_problem(
+        [with_rows(item, {KINDS[PIN].parameter: other.rows}) for item in started_at(problem, solution.z)]
+    )
     ended = attempted(solve_many, turned, turned.start, 25, 0.0, each)
     return (turned, ended) if ended else (problem, solution)
 
 
 def other_kind_at(problem: Problem, solution: JointSolution, covariance: JointCovariance) -> OtherKind | None:
     """Return what the other kind of pin makes of a joint minimum; None of a foot that slides."""
-    place = problem.index(ARM)
+    place = problem.index(KINDS[PIN].parameter)
     if place < 0:
         return None
     mean = float(unbounded_mean(solution, covariance)[place])
-    return other_kind(problem.parameters[place].row, mean, float(covariance.std[place]))
+    return other_kind(KINDS[PIN], problem.parameters[place].row, mean, float(covariance.std[place]))
 
 
 def pin_shift(problem: Problem, solution: JointSolution, covariance: JointCovariance) -> Array:
@@ -217,7 +219,7 @@ def pin_shift(problem: Problem, solution: JointSolution, covariance: JointCovari
     other = other_kind_at(problem, solution, covariance)
     if other is None:
         return np.zeros(problem.size)
-    place = problem.index(ARM)
+    place = problem.index(KINDS[PIN].parameter)
     along = covariance.arrow.times(np.eye(problem.size)[place]) / covariance.std[place] ** 2
     return np.asarray(math.sqrt(from_log_odds(other.log_odds)) * other.moved * along)
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from camtorque.fit.kinds import ARM, of_most
+from camtorque.fit.kinds import KINDS
 from camtorque.fit.prepare import INDEPENDENT, MeanCycles, law_variance
 from camtorque.fit.problem import FitData, with_rows
 from camtorque.fit.single import Prepared, switching_std
@@ -192,15 +192,16 @@ def common_error(item: FitData, count: int) -> FitData:
 def with_common_rows(data: Sequence[FitData]) -> list[FitData]:
     """Return the recordings with the same bounds and priors of the shared parameters, whichever comes first.
 
-    The pump has the kind of pin that most recordings have.
+    A part of the pump is of the kind that most recordings have.
     """
+    of_most = {kind.parameter: kind.of_most for kind in KINDS.values()}
     names = [name for name, row in data[0].rows.items() if row.role == "shared"]
     common: dict[str, Mapping[str, object]] = {}
     for name in names:
         rows = [item.rows[name] for item in data]
         common[name] = {
             "lower": min(row.lower for row in rows), "upper": max(row.upper for row in rows),
-            **common_prior(of_most(rows) if name == ARM else rows),
+            **common_prior(of_most.get(name, list)(rows)),
         }  # fmt: skip
     return [with_rows(item, common) for item in data]
 

@@ -1,11 +1,15 @@
-"""What kind of pump it is, by the evidence of a fit with each kind: how delivery ends, what the roller's pin runs on.
+"""What kind of pump it is, by the evidence of a fit with each kind: how delivery ends, what its parts are.
 
 Ends of delivery are compared by how plausible each minimum is; what the others add widens what the best one tells. One
 of them is the line pressure alone: whether there is a chamber at all.
 
-A pin runs on needles or in a plain bush: the better of both is kept, the other one beside it. Their frictions differ by
-five times, more than either spreads. One Gaussian for both rules plain bushes out or tells nothing of needles, and what
-a pin is denied goes to the camshaft's bearings, whose torque differs from its own in the turning of the roller alone.
+A part that a pump has in one of two kinds (`KINDS`) is fitted as either: the better one is kept, the other one beside
+it. A pin runs on needles or in a plain bush, whose frictions differ by five times, more than either spreads: one
+Gaussian for both rules plain bushes out or tells nothing of needles, and what a pin is denied goes to the camshaft's
+bearings, whose torque differs from its own in the turning of the roller alone. A chamber is filled through ports that
+the plunger covers, or through a suction valve or a solenoid's as well, which stands open on the whole return. The loss
+in it goes with the inverse square of its area: beyond a few square millimetres no torque tells the area, and a Gaussian
+about none at all throttles every valve, for which the plunger's viscous drag pays.
 """
 
 from __future__ import annotations
@@ -19,11 +23,11 @@ from typing import cast
 import numpy as np
 
 from camtorque.fit.evidence import NEEDED, laplace, strength
-from camtorque.fit.minima import Candidate, Halves, at_minimum, attempted
+from camtorque.fit.minima import Candidate, Halves, at_minimum, attempted, beside
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT
-from camtorque.fit.problem import with_rows
+from camtorque.fit.problem import with_rows, with_starts
 from camtorque.fit.truncated import one_sided_moments
-from camtorque.fit.uncertainty import covariance, pressure_moved_to
+from camtorque.fit.uncertainty import Covariance, covariance, posterior_at, pressure_moved_to
 from camtorque.laws import ROWS
 from camtorque.laws.rows import ParameterRow
 from camtorque.process.second_process import in_two
@@ -31,11 +35,64 @@ from camtorque.records import Array, LossEvidence
 
 WEIGHED_WITHIN = 40.0
 """Chi-square over the inflation above the best minimum's up to which a structure is weighed by its evidence."""
-ARM = "pin_arm"
-BUSH, BUSH_SOURCE = (140.0e-6, 90.0e-6), "plain bush: mu 0.02-0.06 in mixed friction on 3-5 mm"
-"""What is known of a pin in a plain bush, expectation and standard deviation [m]; its law's row holds needles."""
-BUSHES = 0.4
-"""Share of the benches with a plain bush, as far as somebody knows."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A part's other kind; the usual one is what the row of its parameter says.
+
+    Attributes
+    ----------
+    parameter : that differs between the two
+    prior : of the other kind, expectation and standard deviation [SI]
+    source : where that comes from
+    share : of the benches that have it, as far as somebody knows
+    begins : whether its fit begins at the expectation, not where the usual kind's ends
+    absent : the usual kind has no such part: standard deviation about zero of what stands in for one [SI], 0 else
+    """
+
+    parameter: str
+    prior: tuple[float, float]
+    source: str
+    share: float
+    begins: bool = False
+    absent: float = 0.0
+
+    def asked_of(self, item: Candidate) -> bool:
+        """Return whether a pump has the part, of a kind that nobody states."""
+        usual = item.data.rows[self.parameter].source == ROWS[self.parameter].source
+        return usual and item.problem.index(self.parameter) >= 0
+
+    def rows(self, row: ParameterRow) -> tuple[Mapping[str, object], Mapping[str, object]]:
+        """Return what the usual and the other kind make of the parameter's row: a larger roller has a larger pin."""
+        usual = ROWS[self.parameter]
+        assert usual.prior is not None
+        scale = row.upper / usual.upper
+        first, second = (
+            {"prior": (scale * mean, scale * std), "source": source}
+            for (mean, std), source in ((usual.prior, usual.source), (self.prior, self.source))
+        )
+        return first, second
+
+    def of_most(self, rows: Sequence[ParameterRow]) -> list[ParameterRow]:
+        """Return the rows of the kind that most recordings have, the usual one where as many have either."""
+        others = [row for row in rows if row.source == self.source]
+        return others if 2 * len(others) > len(rows) else [row for row in rows if row not in others]
+
+
+PIN, INLET = "kind of the roller's pin", "kind of the inlet"
+KINDS: dict[str, Kind] = {
+    PIN: Kind("pin_arm", (140.0e-6, 90.0e-6), "plain bush: mu 0.02-0.06 in mixed friction on 3-5 mm", 0.4),
+    INLET: Kind(
+        "suction_area",
+        (12.0e-6, 8.0e-6),
+        "suction or solenoid valve: 6-12 mm, lifted 0.3-0.8 mm",
+        0.5,
+        begins=True,
+        absent=1.0e-6,
+    ),
+}
+"""Name in the budget -> part that is of one of two kinds."""
 
 
 def structure_probabilities(candidates: Sequence[Candidate], inflation: float) -> tuple[float, ...]:
@@ -120,30 +177,50 @@ def chamber_evidence(candidates: tuple[Candidate, ...], inflation: float) -> Los
 
 
 @dataclass(frozen=True)
-class OtherPin:
-    """The best minimum with the less probable kind of pin, and how probable that kind is."""
+class OtherFit:
+    """The best minimum with the less probable kind of a part, beside the one with the other, and how probable it is."""
 
     candidate: Candidate
+    beside: Candidate
     probability: float
 
 
-def pin_decided(minima: Sequence[Candidate], halves: Halves) -> tuple[list[Candidate], OtherPin | None]:
-    """Return minima, the best one first, with the more probable kind of pin, and the best one with the other kind.
+def kinds_decided(
+    minima: Sequence[Candidate], halves: Halves, kinds: Mapping[str, Kind]
+) -> tuple[list[Candidate], dict[str, OtherFit]]:
+    """Return minima with the more probable kind of each part, the best one first, and by name what the others add.
 
-    The second is None where no fit with a plain bush ends anywhere, and of a foot that slides.
+    Those are the best one with a part's other kind; none where no such fit ends anywhere, and of a pump that has no
+    such part.
     """
-    needles = minima[0]
-    rolls = needles.data.rows[ARM].source == ROWS[ARM].source
-    bush = _in_bush(halves, needles) if rolls else None
-    odds = None if bush is None else log_odds(bush, needles)
-    if bush is None or odds is None:
-        return list(minima), None
+    found, others = list(minima), {}
+    kinds = {name: kind for name, kind in kinds.items() if kind.asked_of(found[0])}
+    at_once = in_two(partial(_with_other, halves), [(kind, found[0]) for kind in kinds.values()])
+    for (name, kind), other in zip(kinds.items(), at_once, strict=True):
+        turned = other if found[0] is minima[0] else _with_other(halves, (kind, found[0]))
+        found, beside = decided(found, halves, kind, turned)
+        if beside is not None:
+            others[name] = beside
+    return found, others
+
+
+def decided(
+    minima: list[Candidate], halves: Halves, kind: Kind, other: Candidate | None
+) -> tuple[list[Candidate], OtherFit | None]:
+    """Return minima with the more probable kind of a part and the best one with the less probable one.
+
+    ``other`` is the first of ``minima``, the best, with the kind that these do not have.
+    """
+    usual = minima[0]
+    odds = None if other is None else log_odds(kind, other, usual)
+    if other is None or odds is None:
+        return minima, None
     probability = from_log_odds(odds)
     if probability < 0.5:
-        return list(minima), OtherPin(bush, probability)
-    rest = in_two(partial(_in_bush, halves), minima[1:])
+        return minima, OtherFit(other, usual, probability)
+    rest = in_two(partial(_with_other, halves), [(kind, item) for item in minima[1:]])
     kept = sorted((item for item in rest if item), key=lambda item: item.value)
-    return [bush, *kept], OtherPin(needles, 1.0 - probability)
+    return [other, *kept], OtherFit(usual, other, 1.0 - probability)
 
 
 def from_log_odds(log_odds: float) -> float:
@@ -151,24 +228,36 @@ def from_log_odds(log_odds: float) -> float:
     return 0.5 * (1.0 + math.tanh(0.5 * log_odds))
 
 
-def log_odds(bush: Candidate, needles: Candidate) -> float | None:
-    """Return the logarithm of the odds of a plain bush by the evidence of both fits and `BUSHES`.
+def log_odds(kind: Kind, other: Candidate, usual: Candidate) -> float | None:
+    """Return the logarithm of the odds of a part's other kind by the evidence of both fits and its share.
 
     It is None where Laplace's approximation overflows. A cam's side that is too light says nothing of a pin.
     """
-    inflation = covariance(needles.problem, needles.solution).inflation
-    found = [attempted(laplace, item.problem, item.solution, inflation) for item in (needles, bush)]
+    cov = covariance(usual.problem, usual.solution)
+    found = [attempted(laplace, item.problem, item.solution, cov.inflation) for item in (usual, other)]
     if found[0] is None or found[1] is None:
         return None
-    beside = [item.holdout_penalty / inflation for item in (needles, bush)]
-    return 0.5 * (found[0] + beside[0] - found[1] - beside[1]) + math.log(BUSHES / (1.0 - BUSHES))
+    beside = [item.holdout_penalty / cov.inflation for item in (usual, other)]
+    odds = 0.5 * (found[0] + beside[0] - found[1] - beside[1]) + math.log(kind.share / (1.0 - kind.share))
+    return odds - (_for_none(kind, usual, cov) if kind.absent else 0.0)
+
+
+def _for_none(kind: Kind, usual: Candidate, cov: Covariance) -> float:
+    """Return by how much the logarithm of the evidence rises where the usual kind has no such part, 0 at least.
+
+    The usual row's prior holds every size: it doubts a part that is not there for all sizes that it does not have.
+    """
+    place = usual.problem.index(kind.parameter)
+    mean = posterior_at(usual.problem, usual.solution, cov.matrix, cov.inflation).mean[place]
+    risen, _ = _swapped(usual.problem.parameters[place].row, float(mean), float(cov.std[place]), (0.0, kind.absent))
+    return max(risen, 0.0)
 
 
 @dataclass(frozen=True)
 class OtherKind:
-    """The kind of pin that a minimum does not have: its prior, the logarithm of its odds, how far it moves the arm [m].
+    """The kind that a minimum does not have: its prior, the logarithm of its odds, how far it moves the parameter [SI].
 
-    ``rows`` are what it changes of the arm's row.
+    ``rows`` are what it changes of the parameter's row.
     """
 
     rows: Mapping[str, object]
@@ -176,28 +265,34 @@ class OtherKind:
     moved: float
 
 
-def other_kind(row: ParameterRow, mean: float, std: float) -> OtherKind | None:
-    """Return what the other kind of pin makes of a minimum, by its Gaussian with the one prior in place of the other.
+def other_kind(kind: Kind, row: ParameterRow, mean: float, std: float) -> OtherKind | None:
+    """Return what a part's other kind makes of a minimum, by its Gaussian with the one prior in place of the other.
 
-    It is None of a foot that slides.
+    It is None of a pump that has no such part, as a foot that slides has no pin.
 
     Parameters
     ----------
-    row : of the pin's arm at the minimum
-    mean, std : of the arm, as if it had no bounds [m]
+    row : of the part's parameter at the minimum
+    mean, std : of the parameter, as if it had no bounds [SI]
     """
-    needles, bush = kind_rows(row)
-    turned = {ROWS[ARM].source: bush, BUSH_SOURCE: needles}.get(row.source)
+    usual, second = kind.rows(row)
+    turned = {ROWS[kind.parameter].source: second, kind.source: usual}.get(row.source)
     if turned is None or row.prior is None:
         return None
+    risen, moved = _swapped(row, mean, std, cast(tuple[float, float], turned["prior"]))
+    share = kind.share if turned is second else 1.0 - kind.share
+    return OtherKind(turned, risen + math.log(share / (1.0 - share)), moved)
+
+
+def _swapped(row: ParameterRow, mean: float, std: float, prior: tuple[float, float]) -> tuple[float, float]:
+    """Return by how much log evidence and mean rise with a prior in place of the row's; mean, std without bounds."""
+    assert row.prior is not None
     information = max(1.0 / std**2 - 1.0 / row.prior[1] ** 2, 0.0)
     pulled = mean / std**2 - row.prior[0] / row.prior[1] ** 2
     (log_now, now), (log_other, other) = (
-        _with_prior(information, pulled, prior, (row.lower, row.upper))
-        for prior in (row.prior, cast(tuple[float, float], turned["prior"]))
+        _with_prior(information, pulled, one, (row.lower, row.upper)) for one in (row.prior, prior)
     )
-    share = BUSHES if turned is bush else 1.0 - BUSHES
-    return OtherKind(turned, log_other - log_now + math.log(share / (1.0 - share)), other - now)
+    return log_other - log_now, other - now
 
 
 def _with_prior(
@@ -213,23 +308,10 @@ def _with_prior(
     return 0.5 * quadratic + inside - before, within
 
 
-def of_most(rows: Sequence[ParameterRow]) -> list[ParameterRow]:
-    """Return the rows of the kind of pin that most recordings have, needles where as many have either."""
-    bushes = [row for row in rows if row.source == BUSH_SOURCE]
-    return bushes if 2 * len(bushes) > len(rows) else [row for row in rows if row not in bushes]
-
-
-def kind_rows(row: ParameterRow) -> tuple[Mapping[str, object], Mapping[str, object]]:
-    """Return what needles and a plain bush make of the row of the pin's arm: a larger roller runs on a larger pin."""
-    usual = ROWS[ARM]
-    assert usual.prior is not None
-    scale = row.upper / usual.upper
-    needles, bush = (
-        {"prior": (scale * mean, scale * std), "source": source}
-        for (mean, std), source in ((usual.prior, usual.source), (BUSH, BUSH_SOURCE))
-    )
-    return needles, bush
-
-
-def _in_bush(halves: Halves, item: Candidate) -> Candidate | None:
-    return halves.minimum(at_minimum, with_rows(item.data, {ARM: kind_rows(item.data.rows[ARM])[1]}))
+def _with_other(halves: Halves, turned: tuple[Kind, Candidate]) -> Candidate | None:
+    kind, item = turned
+    data = with_rows(item.data, {kind.parameter: kind.rows(item.data.rows[kind.parameter])[1]})
+    if not kind.begins:
+        return halves.minimum(at_minimum, data)
+    effort = beside(item.value)
+    return halves.minimum(at_minimum, with_starts(data, {kind.parameter: kind.prior[0]}), effort, item.solution.lift)

@@ -17,10 +17,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from camtorque.fit.forecast import settled, values_of
+from camtorque.fit.kinds import PIN
 from camtorque.fit.known_fit import FittedAt, KnownFit
 from camtorque.fit.prepare import bin_weights
 from camtorque.fit.problem import SEPARATOR
-from camtorque.fit.single import PIN, SOFTER, SWITCHING
+from camtorque.fit.single import SOFTER, SWITCHING
 from camtorque.fit.teeth import PLACE_STD
 from camtorque.fit.truncated import Gaussian
 from camtorque.fit.uncertainty import deviation_within, inverse

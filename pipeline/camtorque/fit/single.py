@@ -12,7 +12,7 @@ that holds its measurements:
 `with_oil_at_rest`       the same again without the oil up to the sensor, where much is left to explain      0123
 `distinct`               each basin once: what differs stays among what is compared                          0118
 `weighed_locally`        where laws are missing the residual weighs less                                     0155
-`pin_decided`            the pin's other kind, if it is the likelier one; else beside the best one           0158
+`kinds_decided`          a part's other kind, if it is the likelier one; else beside the best one       0158, 0187
 `softer_shaft`           a stiff shaft that yields more, beside the best one                                 0159
 =======================  ==================================================================================  ==========
 """
@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -29,7 +29,14 @@ import numpy as np
 from camtorque.align.budget import SWITCHING_DELAY, wandered_std
 from camtorque.fit.descent import Effort
 from camtorque.fit.evidence import loss_evidence, where_unexplained
-from camtorque.fit.kinds import OtherPin, chamber_evidence, pin_decided, structure_probabilities, structure_spread
+from camtorque.fit.kinds import (
+    KINDS,
+    OtherFit,
+    chamber_evidence,
+    kinds_decided,
+    structure_probabilities,
+    structure_spread,
+)
 from camtorque.fit.local_error import weighed_locally
 from camtorque.fit.minima import (
     Candidate,
@@ -70,7 +77,6 @@ RELAXED_TIME = 2.5e-3
 """Time over which what the delivery valve does after it opens is not trusted in the relaxed variant [s]."""
 RELAXED_SHARE = 0.5
 """Torque error there, as a share of the torque of the opening pressure."""
-PIN = "kind of the roller's pin"
 SWITCHING = "switching delay and clock of the trigger"
 BENT = "valley of the trigger angle beyond its slope at the minimum"
 SOFTER = "valley of a stiff shaft's compliance"
@@ -84,8 +90,8 @@ AT_REST = 1.0e3
 class Prepared:
     """One recording with its minima, least chi-square first, and the valley of the best one along the trigger angle.
 
-    ``other_pin`` is the best one with the less probable kind of pin, ``softer_shaft`` with a stiff shaft that yields by
-    a standard deviation more.
+    ``other_kinds`` are the best one with the less probable kind of a part, by its name, ``softer_shaft`` with a stiff
+    shaft that yields by a standard deviation more.
     """
 
     recording: Recording
@@ -95,7 +101,7 @@ class Prepared:
     candidates: tuple[Candidate, ...]
     valley: Valley
     measured: Array
-    other_pin: OtherPin | None = None
+    other_kinds: Mapping[str, OtherFit] = field(default_factory=dict)
     softer_shaft: Candidate | None = None
 
 
@@ -169,11 +175,11 @@ def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prep
         minima = near if sound else search_minima(halves)
     if minima[0].left_to_explain > DISSATISFYING and not data.measures_chamber:
         minima = with_oil_at_rest(minima, halves)
-    weighed, other_pin = pin_decided(weighed_locally(distinct(minima), halves, means.odd_even), halves)
+    weighed, other_kinds = kinds_decided(weighed_locally(distinct(minima), halves, means.odd_even), halves, KINDS)
     best, valley = profile_trigger_angle(weighed[0], halves)
     kept = distinct([best, *weighed])
     softer = softer_shaft(best, halves)
-    return Prepared(recording, cycles, rigid, means, kept, valley, data.chain.shaft_torque, other_pin, softer)
+    return Prepared(recording, cycles, rigid, means, kept, valley, data.chain.shaft_torque, other_kinds, softer)
 
 
 def search_minima(halves: Halves) -> list[Candidate]:
@@ -234,9 +240,9 @@ def fit_prepared(prepared: Prepared, weighed: bool = True) -> Fit:
     deviation = deviation_within(posterior_at(problem, solution, cov.matrix, cov.inflation), solution.z)
     along = along_valley(deviation, problem.index(TRIGGER_ANGLE), prepared.valley.std(cov.inflation))
     shifts, pressures = {BENT: along[None]}, [pressure_moved(best, along)]
-    for source, variant, share in variants(prepared):
-        shifts[source] = share * (variant.solution.z - solution.z)[None]
-        pressures.append(share * pressure_moved_to(solution.output, variant.solution.output))
+    for source, variant, known, share in variants(prepared):
+        shifts[source] = share * (variant.solution.z - known.solution.z)[None]
+        pressures.append(share * pressure_moved_to(known.solution.output, variant.solution.output))
     shifts["other structures"], moved = structure_spread(prepared.candidates, probabilities)
     pressures.extend(moved)
     shifts[SWITCHING] = switching_shift(problem, [switching_std(prepared.cycles)])[None]
@@ -256,13 +262,14 @@ def fit_prepared(prepared: Prepared, weighed: bool = True) -> Fit:
     )  # fmt: skip
 
 
-def variants(prepared: Prepared) -> Iterator[tuple[str, Candidate, float]]:
-    """Yield other fits in the best structure: their name, and what share of their distance is a deviation."""
-    yield "what the delivery valve does as it opens", relaxed_variant(prepared.candidates[0]), 1.0
-    if prepared.other_pin is not None:
-        yield PIN, prepared.other_pin.candidate, math.sqrt(prepared.other_pin.probability)
+def variants(prepared: Prepared) -> Iterator[tuple[str, Candidate, Candidate, float]]:
+    """Yield pairs of fits: their name, what differs, from what, and what share of their distance is a deviation."""
+    best = prepared.candidates[0]
+    yield "what the delivery valve does as it opens", relaxed_variant(best), best, 1.0
+    for name, other in prepared.other_kinds.items():
+        yield name, other.candidate, other.beside, math.sqrt(other.probability)
     if prepared.softer_shaft is not None:
-        yield SOFTER, prepared.softer_shaft, 1.0
+        yield SOFTER, prepared.softer_shaft, best, 1.0
 
 
 def pressure_moved(best: Candidate, shift: Array) -> Array:
