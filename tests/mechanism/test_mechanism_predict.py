@@ -321,7 +321,10 @@ def test_pump_needs_exactly_one_cam(tmp_path):
     [
         ("cam_angle_deg,pressure_bar\n10,0\n0,0\n", "cam_angle_deg has to increase strictly"),
         ("cam_angle_deg,pressure_bar\n0,-600\n90,5\n", r"goes down to -600 bar, expected gauge pressures of -1 bar"),
-        ("cam_angle_deg,pressure_psi\n0,0\n10,0\n", "no column 'pressure_bar', did you mean 'pressure_psi'"),
+        (
+            "cam_angle_deg,pressure_psi\n0,0\n10,0\n",
+            "no column 'pressure_bar', convert the values of 'pressure_psi'; there are cam_angle_deg",
+        ),
     ],
 )
 def test_wrong_pressure_curve_is_refused(tmp_path, content, message):

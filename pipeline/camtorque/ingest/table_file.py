@@ -35,7 +35,10 @@ class SmallTable:
         """Return a column, or refuse with the names that there are."""
         if name not in self.columns:
             names = tuple(self.columns)
-            raise Refusal(f"{self.path}: no column {name!r}{did_you_mean(name, names)}; there are {', '.join(names)}")
+            what = name.rpartition("_")[0]
+            same = next((other for other in names if what and other.rpartition("_")[0] == what), "")
+            hint = f", convert the values of {same!r}" if same else did_you_mean(name, names)
+            raise Refusal(f"{self.path}: no column {name!r}{hint}; there are {', '.join(names)}")
         return self.columns[name]
 
 
