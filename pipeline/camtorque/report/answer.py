@@ -66,8 +66,8 @@ def gap_size(doc: Document) -> str:
     side = "above" if gap >= 0.0 else "below"
     return (
         f"The measured torque lies {significant(abs(gap))} % {side} the rigid model on the loaded forward stroke. On "
-        f"the return stroke it falls to {with_decimals(rigid['return_min_measured_nm'], 1)} N m; the rigid model says "
-        f"{with_decimals(rigid['return_min_model_nm'], 1)} N m."
+        f"the return stroke it falls to {with_decimals(rigid['return_min_measured_nm'], 1)} N m, the rigid model at "
+        f"its own lowest to {with_decimals(rigid['return_min_model_nm'], 1)} N m."
     )
 
 
