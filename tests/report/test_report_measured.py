@@ -11,7 +11,7 @@ import pytest
 from camtorque.records import CamCycles, Estimate, FittedTorque
 from camtorque.report.alignment import aligned_cycles, write_alignment
 from camtorque.report.bundle import RunResult
-from camtorque.report.document import measured_chamber, measured_document
+from camtorque.report.document import measured_document
 from camtorque.report.gaps import gap_shares
 from camtorque.report.texts import measured_text
 from camtorque.report.write import figures_of, write_run
@@ -110,5 +110,5 @@ def test_a_channel_that_covers_no_cycle_is_not_compared() -> None:
     shape = (run_result().cycles.index.size, 720)
     nothing = np.full(shape, np.nan)
     result = with_channels(chamber_pressure=nothing, delivered_volume=nothing)
-    assert measured_chamber(result) is None
+    assert result.cycles.mean_cycle("chamber_pressure") is None
     assert measured_document(result) == {"chamber_pressure": None, "delivered_volume": None}

@@ -166,11 +166,9 @@ def _numbers(library: Any, column: Any) -> np.ndarray:
         return levels[words.indices.cast(library.int64()).fill_null(-1).to_numpy()]
     if library.types.is_timestamp(column.type) or library.types.is_duration(column.type):
         return column.cast(library.int64()).to_numpy().astype(np.float64) * UNITS["time"][column.type.unit]
-    return (
-        (column.cast(library.float64()) if library.types.is_decimal(column.type) else column)
-        .to_numpy()
-        .astype(np.float64)
-    )
+    if library.types.is_decimal(column.type):
+        column = column.cast(library.float64())
+    return column.to_numpy().astype(np.float64)
 
 
 def refuse_lying_pages(path: Path, metadata: Any) -> None:

@@ -216,15 +216,8 @@ def further_findings(cycles: CamCycles) -> tuple[Finding, ...]:
     return (*_chamber_findings(cycles), *_speed_findings(cycles))
 
 
-def _mean_cycle(cycles: CamCycles, quantity: str) -> Array | None:
-    """Return the mean of the cycles that a further channel covers (n_theta,), None where it covers none."""
-    values = cycles.channels.get(quantity)
-    whole = values is not None and np.isfinite(values).all(axis=1)
-    return np.mean(values[whole], axis=0) if values is not None and np.any(whole) else None
-
-
 def _chamber_findings(cycles: CamCycles) -> tuple[Finding, ...]:
-    curve = _mean_cycle(cycles, "chamber_pressure")
+    curve = cycles.mean_cycle("chamber_pressure")
     if curve is None:
         return ()
     chamber, line = float(np.max(curve)), float(np.max(cycles.mean_pressure))
@@ -238,7 +231,7 @@ def _chamber_findings(cycles: CamCycles) -> tuple[Finding, ...]:
 
 
 def _speed_findings(cycles: CamCycles) -> tuple[Finding, ...]:
-    curve = _mean_cycle(cycles, "shaft_speed")
+    curve = cycles.mean_cycle("shaft_speed")
     if curve is None:
         return ()
     speed = float(np.mean(curve))

@@ -147,3 +147,11 @@ class CamCycles(ReadOnly):
     def means(self, quantity: str) -> Array:
         """Return the mean over each cycle of one of ``channels`` (n_cycles,) [SI]."""
         return np.asarray(np.mean(self.channels[quantity], axis=1), dtype=np.float64)
+
+    def mean_cycle(self, quantity: str) -> Array | None:
+        """Return the mean of the cycles that one of ``channels`` covers (n_theta,) [SI], None where it covers none."""
+        values = self.channels.get(quantity)
+        if values is None:
+            return None
+        whole = np.isfinite(values).all(axis=1)
+        return np.asarray(np.mean(values[whole], axis=0)) if whole.any() else None

@@ -7,7 +7,6 @@ import numpy as np
 from camtorque.fit.residual import stroke_masks
 from camtorque.report.bundle import RunResult
 from camtorque.report.chart import CAM_ANGLE, CYCLE, DASHES, HALF, Band, Curves, Line, Panel, Span, bump_spans, strokes
-from camtorque.report.document import measured_chamber
 from camtorque.report.numbers import with_sign, words
 from camtorque.report.svg import Scale, drawing, padded, polyline
 from camtorque.stacks import distance_of, std_of
@@ -112,7 +111,7 @@ def pressures(result: RunResult) -> Curves:
         if fitted.chamber_pressure_std is not None and result.fitted.explained:
             width = 2.0 * fitted.chamber_pressure_std / BAR
             bands.append(Band("chamber, ±2 standard uncertainties", chamber - width, chamber + width, "chamber"))
-    inside = measured_chamber(result)
+    inside = result.cycles.mean_cycle("chamber_pressure")
     if inside is not None:
         lines.append(Line("chamber pressure, measured", inside / BAR, "c3", 1.4, "6 3"))
     panel = Panel("gauge pressure [bar]", tuple(lines), tuple(bands), 190.0)

@@ -224,22 +224,13 @@ def _largest(values: np.ndarray) -> float:
     return float(finite.max()) if finite.size else float("nan")
 
 
-def measured_chamber(result: RunResult) -> Array | None:
-    """Return the mean cycle of the chamber pressure (n_theta,) [Pa], None where it was not recorded."""
-    values = result.cycles.channels.get("chamber_pressure")
-    if values is None:
-        return None
-    whole = np.isfinite(values).all(axis=1)
-    return np.asarray(np.mean(values[whole], axis=0)) if whole.any() else None
-
-
 def measured_document(result: RunResult) -> dict[str, Any]:
     """Return each comparison in the units of its keys, None where the bench or the model has nothing to compare."""
     return {"chamber_pressure": _against_the_measured_chamber(result), "delivered_volume": _delivery(result)}
 
 
 def _against_the_measured_chamber(result: RunResult) -> dict[str, Any] | None:
-    measured, rebuilt = measured_chamber(result), result.fitted.chamber_pressure
+    measured, rebuilt = result.cycles.mean_cycle("chamber_pressure"), result.fitted.chamber_pressure
     if measured is None or rebuilt is None:
         return None
     difference, peak = measured - rebuilt, float(np.max(rebuilt))
