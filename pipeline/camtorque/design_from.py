@@ -179,7 +179,8 @@ def stroke_angles(law: CamLaw, lifts: Array) -> Array:
     if not rest.size:
         raise Refusal("design: the lift has no rest on the base circle, expected one; check the lift table")
     step = TURN / FINE
-    back = np.interp(lifts[::-1], turned[rest[0] :: -1], step * np.arange(rest[0], -1, -1))
+    down = np.maximum.accumulate(turned[rest[0] :: -1])  # of a lift that a wave of its table reaches twice, the last
+    back = np.interp(lifts[::-1], down, step * np.arange(rest[0], -1, -1))
     up = np.maximum.accumulate(np.append(turned[rest[-1] :], turned[0]))
     rise = np.interp(lifts, up, step * (np.arange(rest[-1], FINE + 1) - FINE))
     return np.asarray(theta[top] + np.concatenate([rise, back]))

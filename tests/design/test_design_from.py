@@ -69,6 +69,17 @@ def test_angles_of_equal_lift_are_told_on_another_cam() -> None:
     assert law.evaluate(found) == pytest.approx(0.9 * lifts, abs=2e-6)
 
 
+def test_a_wave_on_either_flank_leaves_the_angles_in_order() -> None:
+    """A lift that is reached twice on the way down was looked up in a table that does not rise."""
+    theta = np.array([0.0, 60.0, 70.0, 80.0, 140.0, 200.0, 210.0, 220.0, 280.0, 360.0]) * DEGREE
+    lift = np.array([0.0, 5.0, 4.9, 5.0, 9.0, 5.0, 4.9, 5.0, 0.0, 0.0]) * 1e-3
+    waved = SimpleNamespace(evaluate=lambda angle: np.interp(np.mod(angle, 2.0 * np.pi), theta, lift))
+    lifts = np.array([2.0, 4.95, 4.999, 7.0]) * 1e-3
+    angles = stroke_angles(waved, lifts)  # type: ignore[arg-type]
+    assert np.all(np.diff(angles) > 0.0)
+    assert waved.evaluate(angles) == pytest.approx(np.r_[lifts, lifts[::-1]], abs=5e-6)
+
+
 def test_line_pressure_stays_with_the_stroke() -> None:
     law = law_of()
     curve = Curve(THETA, 1e7 + 1e9 * law.evaluate(THETA), 100.0)

@@ -86,6 +86,32 @@ def test_a_start_that_is_stated_is_not_asked_for(tmp_path: Path):
     assert told(read_recording(folder)) == []
 
 
+@pytest.mark.parametrize(("plan", "begun"), [("csv", 0.0), ("mat", 0.0), ("csv", 7.25)])
+def test_a_start_that_is_stated_goes_before_times_that_count_from_anywhere(tmp_path: Path, plan: str, begun: float):
+    """Logs with a time column from 0 were laid together as if all had begun at once, and the hint to say so went."""
+    log = replace(LOG, start=begun, times=LOG.times - LOG.start + begun)
+    parts = [replace(log, logger=q.upper(), volts={q: v}) for q, v in log.volts.items()]
+    folder = write_folder(tmp_path / "r", parts, replace(PLANS[plan], clock="synchronised"))
+    sheet = folder / "recording.toml"
+    text = sheet.read_text(encoding="utf-8")
+    sheet.write_text(text.replace('quantity = "torque"', 'quantity = "torque"\nstart_time_s = 0.125'), encoding="utf-8")
+    recording = read_recording(folder)
+    assert starts(recording) == {"torque": 0.125, "pressure": begun, "trigger": begun}
+    assert told(recording) == []
+
+
+def test_a_start_beside_a_date_is_told_and_not_used(tmp_path: Path):
+    folder = three_files(tmp_path / "r", "synchronised")
+    sheet = folder / "recording.toml"
+    text = sheet.read_text(encoding="utf-8")
+    sheet.write_text(text.replace('quantity = "torque"', 'quantity = "torque"\nstart_time_s = 0.125'), encoding="utf-8")
+    recording = read_recording(folder)
+    assert starts(recording) == {"torque": 0.0, "pressure": 0.5, "trigger": 0.0}
+    (finding,) = [item for item in recording.findings if item.code == "start_not_used"]
+    assert finding.severity == "warning"
+    assert re.match(r"start_time_s = 0.125 is not used: the file has the date of its start", finding.text)
+
+
 @pytest.mark.parametrize("clock", ["single", "synchronised"])
 def test_dated_logs_are_silent(tmp_path: Path, clock: str):
     assert told(read_recording(three_files(tmp_path / "r", clock))) == []

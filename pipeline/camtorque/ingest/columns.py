@@ -172,8 +172,7 @@ def _times(
     where, stated = path.name, layout.header_rate and layout.header_rate / rows.step
     if column is None or times is None:
         rate, findings = agreed_rate(stated or spec.sample_rate, spec.sample_rate, where, "the header says")
-        begun = (layout.start or 0.0) if spec.start_time is None else spec.start_time
-        return Stamps(begun + rows.start / rows.step / rate, rate, findings=findings), None
+        return Stamps((layout.start or 0.0) + rows.start / rows.step / rate, rate, findings=findings), None
     kind = layout.stamp_kind(column)
     factor = 1.0 if kind else _time_factor(times, layout.units[column], spec, where)
     base = read_stamps(times, spec.sample_rate, where, to_seconds=factor)

@@ -18,13 +18,21 @@ CLOCKS_APART = HOUR
 
 
 def starts(config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel]) -> dict[ChannelSpec, float]:
-    """Return start times on each time base: dates count from the earliest one of the logs that share a clock."""
+    """Return start times on each time base: dates count from the earliest one of the logs that share a clock.
+
+    Where a file holds no date, what recording.toml states of a channel's first sample goes before the file's own times.
+    """
     found = {}
     for group in _by_clock(config, raw):
         dates = [raw[spec].stamp for spec in group]
         earliest = min((date for date in dates if date is not None), default=0.0)
         for spec, date in zip(group, dates, strict=True):
-            found[spec] = raw[spec].start_time + (0.0 if date is None else date - earliest)
+            own = raw[spec].start_time
+            if date is not None:
+                own += date - earliest
+            elif spec.start_time is not None:
+                own = spec.start_time
+            found[spec] = own
         if not any(dates):
             found |= _over_midnight({spec: found[spec] for spec in group}, raw)
     return found
@@ -55,6 +63,7 @@ def time_findings(
     return [
         *_ends(config, channels),
         *_apart(config, raw),
+        *_stated_beside_a_date(raw),
         *_without_date(config, raw),
         *_together(config, raw, channels),
     ]
@@ -75,6 +84,20 @@ def _apart(config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel]) -> li
         f"one may be of another run{zone_hint(apart)}"
     )
     return [Finding("logs_of_other_times", "warning", text, config.path.name)]
+
+
+def _stated_beside_a_date(raw: Mapping[ChannelSpec, RawChannel]) -> list[Finding]:
+    """Tell starts of recording.toml that are not used, since the file has a date of its own."""
+    return [
+        Finding(
+            "start_not_used", "warning",
+            f"start_time_s = {spec.start_time:g} is not used: the file has the date of its start, by which logs on one "
+            "clock are laid together; take the key out, or the date out of the file where that is wrong",
+            f"{spec.path.name} {spec.channel}",
+        )
+        for spec, channel in raw.items()
+        if spec.start_time is not None and channel.stamp is not None
+    ]  # fmt: skip
 
 
 def _without_date(config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel]) -> list[Finding]:

@@ -175,7 +175,7 @@ def _taken(item: Stored, specs: tuple[ChannelSpec, ...], find: Find) -> set[str]
 
 def _equidistant(spec: ChannelSpec, item: Stored, where: str) -> Stamps:
     """Return the time base of a channel without times, at the rate that the file states or recording.toml."""
-    start = (spec.start_time or 0.0) if item.start is None else item.start
+    start = item.start or 0.0
     if item.rate is None:
         return Stamps(start, spec.sample_rate, findings=item.if_untimed)
     if not 0.0 < item.rate < math.inf:
