@@ -211,6 +211,8 @@ def test_a_chatter_that_the_line_does_not_have_is_stated_as_its_mean(n):
     assert stated_pressure(chain, heard) is heard.pressure
     measured = SimpleNamespace(uses_chamber=False, line_pressure=chain.line_pressure)
     assert stated_pressure(measured, chattering) is chattering.pressure
+    shut = SimpleNamespace(pressure=stroke + 20.0 * wave, flows=np.zeros((n, 4)))
+    assert stated_pressure(chain, shut) is shut.pressure  # a drawn chamber that never delivers had none
 
 
 def test_the_contact_of_a_forecast_carries_the_pressure_that_is_stated(monkeypatch):

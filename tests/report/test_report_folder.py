@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import resource
 import shutil
@@ -14,7 +15,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from camtorque.commands.run import default_out
+from camtorque.commands.run import default_out, refuse_report_of_another
 from camtorque.records import Refusal
 from camtorque.report.folder import check_output, output_files, output_folder
 
@@ -40,6 +41,28 @@ def test_links_in_a_circle_are_named(tmp_path: Path) -> None:
     with pytest.raises(Refusal, match=r"found links in a circle at .*, expected folders; choose another name"):
         check_output(tmp_path / "a" / "out", "result.json")
     assert default_out(tmp_path / "a").name == "a"
+
+
+def test_a_report_of_a_recording_of_the_same_name_elsewhere_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of ``before/run1`` and ``after/run1`` the second report took the place of the first without a word."""
+    monkeypatch.chdir(tmp_path)
+    for state in ("before", "after"):
+        (tmp_path / state / "run1").mkdir(parents=True)
+        (tmp_path / state / "run1" / "recording.toml").touch()
+    out = tmp_path / "reports" / "run1"
+    out.mkdir(parents=True)
+    inputs = [{"path": "before/run1/recording.toml", "sha256": "0"}]
+    (out / "result.json").write_text(json.dumps({"schema": "camtorque.result/1", "inputs": inputs}))
+    refuse_report_of_another(out, Path("before/run1"))
+    refuse_report_of_another(out, tmp_path / "before" / "run1" / "recording.toml")
+    refuse_report_of_another(tmp_path / "elsewhere", Path("after/run1"))
+    found = r"found the report of before/run1, expected none or one of after/run1; keep both with --out, such as --out "
+    with pytest.raises(Refusal, match=found + ".*after_run1"):
+        refuse_report_of_another(out, Path("after/run1"))
+    (tmp_path / "before" / "run1" / "recording.toml").unlink()  # renamed since: nothing tells it from this one
+    refuse_report_of_another(out, Path("after/run1"))
 
 
 def test_two_runs_into_one_folder(target: Path) -> None:

@@ -207,6 +207,8 @@ def stated_pressure(chain: ChainInput, output: ChainOutput) -> Array:
     if not chain.uses_chamber:
         return pressure
     open_or_about = np.any(_around(delivering(output), _half(pressure, 2.0 * RIPPLE_DEG)), axis=1)
+    if not open_or_about.any():
+        return pressure
     amplitude = ripple(pressure)
     own, heard = (float(np.mean(one[open_or_about] ** 2)) for one in (amplitude, ripple(line)))
     if own <= LOUDER**2 * heard:

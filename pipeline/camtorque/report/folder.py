@@ -63,7 +63,7 @@ def check_output(target: Path, marker: str) -> None:
             f"such as {target / 'report'}"
         )
     there = [path.name for path in _marker_paths(whole) if path.is_file()]
-    own = any(str(_document(whole / name).get("schema", "")).startswith("camtorque.") for name in there)
+    own = any(str(document_of(whole / name).get("schema", "")).startswith("camtorque.") for name in there)
     if whole.is_dir() and any(whole.iterdir()) and not own:
         damaged = first_of(there, 3)
         what = f"{damaged} that is damaged or another program's" if damaged else "a folder with other files in it"
@@ -107,7 +107,7 @@ def _marker_paths(folder: Path) -> list[Path]:
     return [folder / name for name in MARKERS]
 
 
-def _document(path: Path) -> dict[str, Any]:
+def document_of(path: Path) -> dict[str, Any]:
     """Return the content of a JSON file, empty where there is none."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
@@ -136,7 +136,7 @@ def output_folder(target: Path, marker: str) -> Iterator[Path]:
 
 def seal(folder: Path, name: str) -> None:
     """Write where a finished folder came from, and the SHA-256 of all its files."""
-    doc = next((doc for doc in map(_document, _marker_paths(folder)) if "inputs" in doc and "created" in doc), None)
+    doc = next((doc for doc in map(document_of, _marker_paths(folder)) if "inputs" in doc and "created" in doc), None)
     if doc is not None:
         write_crate(folder, doc, name)
     write_checksums(folder, visible_files(folder))

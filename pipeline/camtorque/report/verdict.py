@@ -47,6 +47,8 @@ DOUBTFUL = {
     "sheet_contradicted": "a sheet that torque and pressure contradict",
     "sensitivity_off_nominal": "a certificate that contradicts its sheet",
     "sensitivity_off_ranges": "a sensitivity that contradicts the ranges of its sheet",
+    "lift_outlier": "a lift that stands out of its table",
+    "contact_stress_impossible": "a contact stress that no steel bears",
     "pressure_along_line": "a pressure that is measured far along the line",
     "not_converged": "a search that ended before its minimum",
 }
