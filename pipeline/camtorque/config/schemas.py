@@ -206,7 +206,7 @@ CHANNEL = TableSchema("[[channels]]", "where each quantity lies", (
     Key("time_channel", "text", "column, variable or channel that holds its times", default="", own=True),
     Key("supply_channel", "text", "of a bridge in mV: channel in its group with its supply in V, mV/V sample by sample",
         default="", own=True),
-    Key("start_time_s", "number", "time of its first sample on the logger's clock, where the file holds no date", "s", None,
+    Key("start_time_s", "number", "time of its first sample where the file holds no date", "s", None,
         Band(-1e10, 1e10, "of any clock"), own=True),
     DURATION,
 ), many=True)  # fmt: skip
