@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 from align_truth import Rig, Samples, Shaft, angle_error_deg, calibration, make, pressure_of, torque_of
 from camtorque.align import AlignOptions, align
+from camtorque.align.polarity import _refuse_swapped
 from camtorque.align.quality import CUTS, flat_top_findings
 from camtorque.ingest import read_recording
 from camtorque.records import CamCycles, Recording, Refusal
 from camtorque.report.verdict import DOUBTFUL
 from camtorque.signal.damage import clipped_samples, clips_below, damage_of, damage_of_each
-from camtorque.units import counted
+from camtorque.units import angle_grid, counted
 
 RIG = Rig(torque_noise=0.3, pressure_noise=1.0e5)
 PULSES = RIG.pulse_times()
@@ -381,6 +382,17 @@ def test_swapped_channels_are_refused() -> None:
     )
     with pytest.raises(Refusal, match=r"torque and pressure are swapped.*exchange the two"):
         align(replace(recording, channels=swapped))
+
+
+def test_a_line_that_rings_below_zero_beside_a_torque_is_not_swapped() -> None:
+    """A pressure at -4.5 % of its peak was no liquid's, and the torque at -19 %, which cannot be one, took its place."""
+    theta = angle_grid(720)
+    velocity = np.where(theta < np.pi, np.sin(2.0 * theta), 0.0)
+    pressure = 0.3 + np.exp(-(((theta - 0.6) / 0.2) ** 2))
+    torque = pressure * velocity + 0.02
+    with pytest.raises(Refusal, match=r"goes down to -\d+ % of its peak.*exchange the two"):
+        _refuse_swapped(pressure, torque, velocity, "r")
+    _refuse_swapped(np.where(theta > 6.0, -0.1, pressure), torque, velocity, "r")
 
 
 def test_lost_samples_are_a_clock_jump() -> None:

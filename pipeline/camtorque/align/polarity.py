@@ -230,8 +230,9 @@ def _refuse_swapped(torque: Array, pressure: Array, velocity: Array, name: str) 
     swapped = abs(correlation(pressure, torque * velocity))
     dwell = np.abs(velocity) < DWELL_LIFT_VELOCITY * np.max(np.abs(velocity))
     rest = [abs(float(np.median(signal[dwell]))) / np.max(np.abs(signal)) for signal in (torque, pressure)]
-    lowest = float(pressure.min()) / np.max(np.abs(pressure))
-    if swapped < max(straight, SWAPPED_CORRELATION) or lowest > TENSION or rest[0] < REST_FACTOR * rest[1]:
+    as_pressure, lowest = (float(signal.min()) / np.max(np.abs(signal)) for signal in (torque, pressure))
+    impossible = lowest <= TENSION < as_pressure  # as named, and the other way round
+    if swapped < max(straight, SWAPPED_CORRELATION) or not impossible or rest[0] < REST_FACTOR * rest[1]:
         return
     raise Refusal(
         f"{name}: torque and pressure are swapped: the channel named pressure goes down to {100 * lowest:.0f} % of its "
