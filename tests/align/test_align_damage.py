@@ -385,7 +385,7 @@ def test_swapped_channels_are_refused() -> None:
 
 
 def test_a_line_that_rings_below_zero_beside_a_torque_is_not_swapped() -> None:
-    """A pressure at -4.5 % of its peak was no liquid's, and the torque at -19 %, which cannot be one, took its place."""
+    """A pressure at -4.5 % of its peak was no liquid's; a torque at -19 % is one still less."""
     theta = angle_grid(720)
     velocity = np.where(theta < np.pi, np.sin(2.0 * theta), 0.0)
     pressure = 0.3 + np.exp(-(((theta - 0.6) / 0.2) ** 2))
