@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 import pytest
 from camtorque.config import ChannelSpec
-from camtorque.ingest import catman, csv_log, lvm, mf4, read_recording, summarise, tdms, xlsx
+from camtorque.ingest import catman, csv_log, lvm, mf4, parquet, read_recording, summarise, tdms, xlsx
 from camtorque.ingest.csv_layout import SNIFF_BYTES, CsvLayout, sniff
 from camtorque.ingest.csv_log import ALIKE_ROWS, Damage, is_whole_row, parse_block
 from camtorque.ingest.formats import FORMATS
@@ -281,6 +281,17 @@ def test_a_column_may_be_named_with_its_unit(tmp_path: Path, form: str):
     toml.write_text(toml.read_text().replace("Torque [V]", "Torque [mV]"))
     with pytest.raises(Refusal, match="no column 'Torque"):
         read_recording(folder)
+
+
+def test_columns_of_pandas_with_a_row_of_names_and_one_of_units(tmp_path: Path):
+    """They are called ('Torque', 'Nm'), of which the part in brackets was the unit of no name, and "no number"."""
+    pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    table = pa.table(
+        {"('Zeit', 's')": [0.0, 0.1, 0.2], "('Torque', 'Nm')": [1.0, 2.0, 3.0], "(Druck)": [4.0, 5.0, 6.0]}
+    )
+    pq.write_table(table, tmp_path / "log.parquet")
+    found = [(item.name, item.unit, item.sample_rate) for item in parquet.channels(tmp_path / "log.parquet")]
+    assert found == [("Torque", "Nm", pytest.approx(10.0)), ("(Druck)", "", pytest.approx(10.0))]
 
 
 def test_feather_is_read_like_parquet(tmp_path: Path):

@@ -9,6 +9,7 @@ read.
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Iterable, Iterator
 from itertools import islice
@@ -25,9 +26,11 @@ from camtorque.ingest.header import name_and_unit
 from camtorque.ingest.listing import listed
 from camtorque.ingest.raw import ArraySource, FileChannel, RawFile, refuse_bomb, refusing
 from camtorque.records import Refusal, SampleSource, require
-from camtorque.units import UNITS
+from camtorque.units import UNITS, is_known_unit
 
 UNIT_KEYS = (b"unit", b"units")
+ROWS_OF_NAMES = re.compile(r"^\('(?P<name>[^']+)', '(?P<unit>[^']*)'\)$")
+"""A column of pandas with a row of names and one of units."""
 HEAD_BYTES = 4096
 """A page header with its statistics is smaller."""
 UNPACKED, PACKED, DATA, DATA_2, COUNT = 2, 3, 5, 8, 1
@@ -90,12 +93,20 @@ def _layout(path: Path) -> tuple[CsvLayout, Any]:
         tests = (kinds.is_floating, kinds.is_integer, kinds.is_boolean, kinds.is_decimal)
         number = any(test(item.type) for test in tests)
         stamp, span = kinds.is_timestamp(item.type), kinds.is_duration(item.type)
-        name, unit = name_and_unit(item.name)
+        name, unit = _name_and_unit(item.name)
         stated = next((item.metadata[key].decode() for key in UNIT_KEYS if key in (item.metadata or {})), unit)
         names.append(name if number or stamp or span or item.name in levels else "")
         units.append("s" if span else "" if stamp else stated)
         first.append("2000-01-01T00:00:00" if stamp else "0")
     return CsvLayout("", "", ".", 0, 0, tuple(names), tuple(units), tuple(first), None), schema
+
+
+def _name_and_unit(column: str) -> tuple[str, str]:
+    """Return name and unit of a column, of one with both in rows of their own, or of one that brackets are all of."""
+    if (match := ROWS_OF_NAMES.match(column)) and is_known_unit(match["unit"]):
+        return match["name"], match["unit"]
+    name, unit = name_and_unit(column)
+    return (name, unit) if name else (column, "")
 
 
 def _is_text(kinds: Any, found: Any) -> bool:
