@@ -244,6 +244,9 @@ def test_wrong_arguments_are_one_line(capsys: pytest.CaptureFixture[str]) -> Non
     with pytest.raises(SystemExit, match="2"):
         cli.main(["align", "somewhere"])
     assert "--out" in one_line(capsys)
+    with pytest.raises(SystemExit, match="2"):
+        cli.main(["predict", "--from", "x", "--clearance", "-1um"])
+    assert "expected one argument (a value that begins with a minus is joined to its option by =)" in one_line(capsys)
 
 
 def test_check_tells_what_a_recording_holds(capsys: pytest.CaptureFixture[str]) -> None:

@@ -169,7 +169,7 @@ def command_line(arguments: str, **environment: str) -> subprocess.CompletedProc
         (">&-", 0, ""),
         ("2>&-", 0, ""),
         ("| true", 0, ""),
-        (">/dev/full", 2, "camtorque check: No space left on device; free some space and run again"),
+        (">/dev/full", 2, "camtorque check: No space left on device: standard output; free some space and run again"),
     ],
 )
 def test_closed_and_full_streams(tail: str, status: int, message: str) -> None:

@@ -26,6 +26,7 @@ from camtorque.progress import silent
 from camtorque.version import __version__
 
 UNEXPECTED, STOPPED = 70, 130
+OUTPUT = "standard output"
 ESCAPED = re.compile(r"\\u(dc[89a-f][0-9a-f])")
 """A byte of a name of a file in quotes: the stream knows best whether it can be shown."""
 ON_WINDOWS = (
@@ -39,12 +40,14 @@ class OneLineParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print one line on standard error and leave with status 2."""
+        if "expected one argument" in message:
+            message += " (a value that begins with a minus is joined to its option by =)"
         self.exit(REFUSED, f"{self.prog}: {message}; see {self.prog} --help\n")
 
     def _print_message(self, message: str, file: Any = None) -> None:
         """Print; argparse itself would pass over a standard output that takes nothing."""
         if file is sys.stdout:
-            print(message, end="", flush=True)
+            put(message, end="")
         else:
             super()._print_message(message, file)
 
@@ -76,6 +79,14 @@ def tell(text: str) -> None:
         print(f"camtorque: {text}", file=sys.stderr, flush=True)
 
 
+def put(text: str, end: str = "\n") -> None:
+    """Print to standard output, whose name an error carries: a report on another disk is well."""
+    try:
+        print(text, end=end, flush=True)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, OUTPUT) from error
+
+
 def execute(parsed: argparse.Namespace) -> int:
     """Have one command done, print what it found and return the exit status."""
     from camtorque.process.threads import on_one_thread
@@ -88,11 +99,11 @@ def execute(parsed: argparse.Namespace) -> int:
         tell(note)
     as_json = getattr(parsed, "json", False)
     for text, document in outcome.stream:
-        print(_json(document) if as_json else text, flush=True)
+        put(_json(document) if as_json else text)
     if as_json and outcome.document:
-        print(_json(outcome.document))
+        put(_json(outcome.document))
     elif outcome.text:
-        print(outcome.text)
+        put(outcome.text)
     return outcome.status
 
 
@@ -132,7 +143,6 @@ def _status(parsed: argparse.Namespace) -> int:
     try:
         with stoppable(), before_leaving(partial(tell, stopped)):
             status = execute(parsed)
-            sys.stdout.flush()
             return status
     except KeyboardInterrupt as stop:
         tell(stopped)
@@ -155,7 +165,7 @@ def _failed(error: Exception, parsed: argparse.Namespace) -> int:
     with suppress(OSError):
         print(f"camtorque {parsed.command}: {line}", file=sys.stderr)
     forget(error)
-    if getattr(error, "filename", "") is None:
+    if getattr(error, "filename", "") in (None, OUTPUT):
         silence_output()  # most likely the standard output itself, such as a full disk
     return REFUSED if refused or isinstance(error, OSError | MemoryError) else UNEXPECTED
 

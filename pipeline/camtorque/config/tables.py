@@ -27,7 +27,8 @@ MOST_LISTED = 8
 DECIMAL_COMMA = re.compile(r"[\w.\- ]+=\s*[+-]?[\d.']*\d,\d+([eE][+-]?\d+)?\s*(#.*)?")
 OTHER_SCHEMA = re.compile(r"(camtorque-[a-z]+|fip-bench-recording)/\d+")
 TOML_SLIPS = {
-    "Cannot overwrite": "it is given twice: remove one",
+    "Cannot overwrite|Cannot declare .* twice": "it is given twice: remove one",
+    r"Unescaped|escape": "a path has / between its folders, or stands in single quotes",
     "[\u201c\u201d\u201e]": 'write straight quotes "',
     r": [\w-]+\s*=\s*[+-]?\d[\d.]*\s*[^\W\d]": "write the number alone: the name of the key says the unit",
     r"Invalid value.*: [\w-]+\s*=\s*[^\W\d]": 'text stands in quotes, as in edge = "rising"; true and false do not',

@@ -277,9 +277,10 @@ def _check_angles(table: SmallTable, theta: Array) -> None:
     steps = np.diff(theta)
     if np.any(steps <= 0.0):
         row = int(np.argmax(steps <= 0.0)) + 2
-        raise Refusal(
-            f"{table.path}: the angle does not increase at row {row}; sort the table along the running direction"
-        )
+        remedy = "sort the table along the running direction"
+        if np.all(steps >= 0.0):
+            remedy = "it stands there twice: take out the row that is wrong"
+        raise Refusal(f"{table.path}: the angle does not increase at row {row}; {remedy}")
     gap = max(float(np.max(steps)), 2.0 * np.pi - float(theta[-1] - theta[0]))
     if theta[-1] - theta[0] >= 2.0 * np.pi or gap > 4.0 * float(np.median(steps)):
         raise Refusal(

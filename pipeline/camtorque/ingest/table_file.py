@@ -154,7 +154,10 @@ def _numbers(path: Path, number: int, fields: list[str], expected: int) -> list[
     try:
         values = [float(field) for field in fields]
     except ValueError as error:
-        raise Refusal(f"{path} line {number}: {' | '.join(fields)!r:.80} is not a row of numbers") from error
+        raise Refusal(
+            f"{path} line {number}: {' | '.join(fields)!r:.80} is not a row of numbers, expected one in each column; "
+            "complete the row or take it out"
+        ) from error
     finite = sum(map(math.isfinite, values))
     if not len(values) == finite == expected:
         raise Refusal(
