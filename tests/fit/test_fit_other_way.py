@@ -17,6 +17,7 @@ from camtorque.fit.valleys import (
     SHAFTS,
     WAYS,
     driveline_turned,
+    port_turned,
     starts_turned_round,
     turned_round,
 )
@@ -57,6 +58,16 @@ def test_one_thing_is_turned_at_a_time_where_a_minimum_leaves_doubt(best):
     shafts, swings = len(CAM_SIDES) * [{"shaft_compliance", "shaft_resonance"}], len(OCTAVES) * [{"coupling_resonance"}]
     assert changed == [*({name} for name in WAYS if best.problem.index(name) >= 0), *shafts, *swings]
     assert starts_turned_round(replace(best, holdout_penalty=best.holdout_penalty - best.left_to_explain)) == []
+
+
+def test_a_port_that_closed_long_before_the_pressure_rises_is_moved_there(best):
+    """A pump filled on its base circle alone stood for one whose port closes at 3 mm, with the same torque."""
+    closing = best.data.rows["port_closing_lift"].start
+    assert port_turned(best) == []
+    early = with_starts(best.data, {"port_closing_lift": 0.0})
+    (turned,) = port_turned(replace(best, data=early))
+    assert turned == {"port_closing_lift": pytest.approx(closing, rel=0.25), "suction_area": 0.0}
+    assert port_turned(replace(best, data=replace(early, chain=replace(early.chain, uses_chamber=False)))) == []
 
 
 def test_what_is_the_wrong_way_round_is_turned(best, halves):

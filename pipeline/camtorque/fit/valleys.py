@@ -46,6 +46,8 @@ SHAFTS, CAM_SIDES = (15.0e-6, 150.0e-6), (1.5, 4.0)
 """Compliances between which the shaft is turned [rad/(N m)], the cam's side then so many times the sheet's cam."""
 OCTAVES = (0.5, 2.0)
 """Factors at which the coupling's frequency is tried."""
+RISEN, CLOSED_BEFORE = 10.0e5, 0.1
+"""Pressure at which a chamber has no empty room left [Pa]; share of the lift by which its port has closed before."""
 TOO_LIGHT = 1.0
 """Chi-square of a light cam's side (`Candidate.light_cam_penalty`) from which shafts that ring alike are tried."""
 GAINED, GAINED_SHARE, TURNED_AGAIN = 0.5, 0.03, 6
@@ -84,7 +86,7 @@ def starts_turned_round(best: Candidate) -> list[FitData]:
     data, found = best.data, []
     if best.left_to_explain > UNSURE:
         found = [{name: other_end(data, name, ends)} for name, ends in WAYS.items() if best.problem.index(name) >= 0]
-        found += driveline_turned(data)
+        found += [*driveline_turned(data), *port_turned(best)]
     if best.light_cam_penalty > TOO_LIGHT:
         found += ringing_alike(data)
     return [with_starts(data, values) for values in found]
@@ -95,6 +97,22 @@ def other_end(data: FitData, name: str, ends: tuple[float, float]) -> float:
     low, high = ends
     value = data.rows[name].start
     return high if abs(value - low) < abs(value - high) else low
+
+
+def port_turned(best: Candidate) -> list[dict[str, float]]:
+    """Return a port that closes where the pressure rises, for one that closed long before a chamber left half empty.
+
+    Filled on the base circle alone or through a port up to there: the torque is all but the same.
+    """
+    chain, output = best.data.chain, best.solution.output
+    if not chain.uses_chamber:
+        return []
+    rising = slice(0, int(np.argmax(output.motion.lift[0][: chain.theta.size // chain.lobes])))
+    risen = output.motion.lift[0][rising][output.pressure[rising] > RISEN]
+    lift, closing = float(np.min(risen, initial=chain.top_lift)), best.data.rows["port_closing_lift"].start
+    if lift - closing < CLOSED_BEFORE * chain.top_lift or lift == chain.top_lift:
+        return []
+    return [{"port_closing_lift": lift, "suction_area": 0.0}]
 
 
 def driveline_turned(data: FitData) -> list[dict[str, float]]:
