@@ -142,7 +142,11 @@ def test_a_wrong_type_is_refused(tmp_path: Path, line: str):
         ("roller_radius_m = 0.008\n", "", "roller_radius_m: this key is missing; radius"),
         ("[pump]", "[pump", "is not valid TOML"),
         # a path of Windows: the line says more than the grammar
-        ('file = "log.h5"', r'file = "logs\log.h5"', r"not valid TOML: .*: 'file = \"logs.+log.h5\"'; a path has / between"),
+        (
+            'file = "log.h5"',
+            r'file = "logs\log.h5"',
+            r"not valid TOML: .*: 'file = \"logs.+log.h5\"'; a path has / between",
+        ),
         ("[pump]", "[pump]\n[pump]", r"not valid TOML: Cannot declare .*; it is given twice: remove one$"),
         (
             "roller_radius_m = 0.008",

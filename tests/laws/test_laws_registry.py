@@ -37,6 +37,7 @@ from laws_cases import COEFFICIENTS, THETA, chain_input, start_values, total_tor
 UNITS = {
     "%", "-", "1/(kg m^2)", "1/kbar", "1/mm", "1/ms", "10^6 kg/m^4", "GPa", "Hz", "N", "N m", "N m s/rad", "N s/m",
     "bar", "bar/mm^3", "deg", "kg mm^2", "ln(1)", "ln(1/s)", "ln(rad/s)", "ln(s)", "mm", "mm^2", "mm^3", "mm^3/s/bar",
+    "nm/N",
     "um", "urad/(N m)", "us",
 }  # fmt: skip
 

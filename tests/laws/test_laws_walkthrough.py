@@ -37,7 +37,7 @@ LAW = Law(ROWS, columns, loss="churning")
 '''
 """The one file, `laws/churning.py`, as the page shows it."""
 EDITS = [
-    ("import bridge, chamber, damping,", "import bridge, chamber, churning, damping,"),
+    ("    chamber,\n    damping,", "    chamber,\n    churning,\n    damping,"),
     ('    "bridge": bridge.LAW,\n', '    "bridge": bridge.LAW,\n    "churning": churning.LAW,\n'),
 ]
 """The line of `laws/__init__.py`, and its import."""

@@ -17,7 +17,7 @@ from camtorque.fit.single import Fit
 from camtorque.laws.chain import ON_CAM
 from camtorque.mechanism.smoothing import table_error
 from camtorque.records import Array, CamTable, Finding, Mask, ParameterEstimate
-from camtorque.units import LOGARITHM, short
+from camtorque.units import LOGARITHM, UNITS, short
 
 RARE = 3.0902
 """Standard deviations that a normal number stays below in 999 of 1000 cases."""
@@ -204,10 +204,18 @@ def _otherwise(doubt: SheetDoubt, pump: PumpData) -> str:
         way = "shorter" if shorter > 0.0 else "longer"
         return f"a {doubt.quantity} that is {abs(shorter):.2f} ± {known:.2f} ms {way}"
     if field is None:
-        return f"a {doubt.quantity} that is {doubt.factor:.2f} ± {doubt.std:.2f} times as large"
+        return f"a {doubt.quantity} that is {doubt.factor:.2f} ± {doubt.std:.2f} times as large{_unit_slip(doubt)}"
     stated = getattr(pump, field)
     asked, std = short(doubt.factor * stated), short(doubt.std * stated, 1)
     return f"{doubt.quantity} = {asked} ± {std} in place of {short(stated)}"
+
+
+def _unit_slip(doubt: SheetDoubt) -> str:
+    """Return which unit a torque may have that was taken for another, empty where none fits."""
+    foot_pound = UNITS["torque"]["lbf ft"]
+    slips = {foot_pound: "lbf ft taken for N m", 1.0 / foot_pound: "N m taken for lbf ft"}
+    found = (text for factor, text in slips.items() if abs(doubt.factor - factor) < min(2.0 * doubt.std, 0.1))
+    return next((f", as of {text}" for text in found if doubt.quantity == "gain of the torque"), "")
 
 
 def fit_findings(fit: Fit, least_guide: float, lost: Mask, unexplained: float | None) -> tuple[Finding, ...]:

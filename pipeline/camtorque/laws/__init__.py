@@ -2,7 +2,19 @@
 
 from __future__ import annotations
 
-from camtorque.laws import bridge, chamber, damping, driveline, friction, packing, ripple, roller, sensor, spring
+from camtorque.laws import (
+    bridge,
+    chamber,
+    damping,
+    driveline,
+    follower,
+    friction,
+    packing,
+    ripple,
+    roller,
+    sensor,
+    spring,
+)
 from camtorque.laws.rows import Law, ParameterRow
 
 LAWS: dict[str, Law] = {
@@ -15,6 +27,7 @@ LAWS: dict[str, Law] = {
     "bridge": bridge.LAW,
     "driveline": Law(driveline.ROWS),
     "coupling": Law(driveline.COUPLING_ROWS),
+    "follower": Law(follower.ROWS),
     "sensor": Law(sensor.ROWS),
     "ripple": Law(ripple.ROWS),
 }

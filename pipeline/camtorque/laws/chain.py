@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camtorque.config import PumpData
-from camtorque.laws import LINEAR_NAMES, ON_BRIDGE, chamber, driveline, ripple, sensor
+from camtorque.laws import LINEAR_NAMES, ON_BRIDGE, chamber, driveline, follower, ripple, sensor
 from camtorque.laws.chamber import NO_PATH
 from camtorque.laws.swing import Swing
 from camtorque.laws.torque import bin_restoring, bin_taps, binned_by, torque_columns, torque_tangents
@@ -36,13 +36,13 @@ ACTIVE_MARGIN = 30.0
 SHIFT_NAMES = ("trigger_offset", *driveline.COMPLIANCE_NAMES)
 """Parameters that move the cam angle."""
 SENSOR_NAMES = ("cutoff", "filter_damping", "delay_error")
-NONLINEAR_NAMES = (*chamber.NAMES, *SHIFT_NAMES, *SENSOR_NAMES, "guide_friction", "gain_error")
+NONLINEAR_NAMES = (*chamber.NAMES, *SHIFT_NAMES, *SENSOR_NAMES, follower.NAME, "guide_friction", "gain_error")
 """Parameters that the torque is not linear in, in the order of the derivative's columns."""
 COLUMN_NAMES = (*LINEAR_NAMES, "torque_zero", *ripple.NAMES)
 """Parameters that it is linear in, in the order of the columns."""
 ON_CAM = len(LINEAR_NAMES)
 """Of these the first act on cam or bridge, the others in the measured signal alone."""
-SHAFT_PLACES = [NONLINEAR_NAMES.index(name) for name in driveline.COMPLIANCE_NAMES]
+LOAD_PLACES = [NONLINEAR_NAMES.index(name) for name in (*driveline.COMPLIANCE_NAMES, follower.NAME)]
 SENSOR_PLACES = [NONLINEAR_NAMES.index(name) for name in SENSOR_NAMES]
 BRIDGE = np.array([False, *ON_BRIDGE])
 """Which of the torque without linear parameters and its columns the bridge alone feels."""
@@ -204,12 +204,14 @@ def binned(values: Array, bins: int = BINS) -> Array:
 def transfer(
     data: ChainInput, values: Mapping[str, float], n_points: int, response: NDArray[np.complex128] | None = None
 ) -> tuple[Any, Any, Any, Any]:
-    """Return shaft and sensor transfer (k,) on the harmonics of a grid, then their derivatives (k, 13), (k, 3)."""
+    """Return load -> shaft torque -> signal (k,) on the harmonics of a grid, then their derivatives (k, 14), (k, 3)."""
     omega = np.asarray(np.arange(n_points // 2 + 1) * data.speed, dtype=np.float64)
     both = drive_response(data, values, False, n_points) if response is None else response
     shaft, shaft_d = driveline.shaft_transfer(omega, values, both)
+    passed, passed_d = follower.passed_load(omega, data.pump.follower_mass, values[follower.NAME])
+    shaft_d = np.column_stack([shaft_d * passed[:, None], shaft * passed_d])
     measured, measured_d = sensor.low_pass(omega, data.low_pass_order, *(values[name] for name in SENSOR_NAMES))
-    return shaft, measured, shaft_d, measured_d
+    return shaft * passed, measured, shaft_d, measured_d
 
 
 def filtered(values: Array, transfer_function: Any) -> Array:
@@ -299,7 +301,7 @@ def evaluate(
         )
         parts = spectra * np.r_[1.0, c[:ON_CAM]]
         loaded, felt = (np.sum(parts[:, side], axis=1)[:, None] * gain for side in (~BRIDGE, BRIDGE))
-        spectrum[:, SHAFT_PLACES] += loaded * measured[:, None] * shaft_by
+        spectrum[:, LOAD_PLACES] += loaded * measured[:, None] * shaft_by
         spectrum[:, SENSOR_PLACES] += (loaded * shaft[:, None] + felt) * measured_by
         derivative = np.fft.irfft(spectrum, bins, axis=0)
         derivative[:, GAIN_PLACE] = (torque + linear[:, :ON_CAM] @ c[:ON_CAM]) / gain
