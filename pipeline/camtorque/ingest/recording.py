@@ -21,6 +21,7 @@ from camtorque.ingest.formats import FORMATS, declared_format, file_format
 from camtorque.ingest.plausibility import check_loads, check_trigger, check_trigger_exchanged, extent
 from camtorque.ingest.pump_sizes import check_pump
 from camtorque.ingest.raw import RawChannel, RawFile
+from camtorque.ingest.repeated import without_repeats
 from camtorque.ingest.sensitivity import over_supplies, with_supplies
 from camtorque.ingest.sensors import FIRST_STAMP, Sensor, certificate_age, read_sensor
 from camtorque.ingest.starts import starts, time_findings
@@ -160,8 +161,12 @@ def _read_files(config: RecordingConfig, problems: Problems) -> tuple[dict[Chann
             form = FORMATS[file_format(file, declared, files)]
             specs = tuple(spec for spec in config.channels if spec.path == file)
             result: RawFile = form.read(file, with_supplies(specs), config.csv_dialect)
-            raw |= dict(zip(specs, over_supplies(specs, result.channels), strict=True))
             findings += result.findings
+            for spec, channel in zip(specs, over_supplies(specs, result.channels), strict=True):
+                raw[spec] = channel
+                if spec.quantity != "trigger":  # whose edges are few and steep
+                    raw[spec], repeated = without_repeats(channel, f"{file.name} {spec.channel}")
+                    findings += repeated
     return raw, findings
 
 
