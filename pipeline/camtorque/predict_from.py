@@ -66,7 +66,10 @@ from camtorque.report.forecast_page import (
     step_text,
 )
 from camtorque.results import report_named
-from camtorque.units import BAR, RPM, short
+from camtorque.units import BAR, RPM, TURN, short
+
+SAME_LOAD = 0.005
+"""Root mean square difference over the peak below which two line pressures are one load: cycles scatter less."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -182,7 +185,11 @@ def _at_speed(
 ) -> tuple[Forecast, tuple[Forces, ...]]:
     """Return a run at one speed [rad/s], by the ending that is asked for or known, with what was assumed."""
     given = asked.given
-    sources = (known.nearest(speed),) if given is None else endings_of(known, speed, asked.ending)
+    own = None if given is None else fitted_load(known, templates, asked.name, given, asked.ending)
+    if given is None or own is not None:
+        sources: tuple[FittedAt, ...] = (own or known.nearest(speed),)
+    else:
+        sources = endings_of(known, speed, asked.ending)
 
     @on_one_thread
     def run(source: FittedAt) -> tuple[Forecast, Forces, Rig, Mapping[str, Estimate]]:
@@ -192,7 +199,9 @@ def _at_speed(
         curve = templates[source.id] if given is None else given
         chain = chain_of(rig, speed, curve, source.structure)
         shaped = curve if np.isfinite(curve.speed) else replace(curve, speed=speed)
-        load = LoadKnowledge({}, curve.std) if given is None else load_for(known, source, templates, chain, shaped)
+        load = LoadKnowledge({}, curve.std)
+        if given is not None and own is None:
+            load = load_for(known, source, templates, chain, shaped)
         load = replace(load, ends={**load.ends, **begun_elsewhere(known, source, asked.name)})
         begun = begun_as(known, source, asked.name)
         return *with_forces(begun, source, rig, chain, load, asked.changes), rig, load.ends
@@ -218,6 +227,21 @@ def _at_speed(
     texts = [*pressed_text(item), *flight_text(item), *step_text(item), *odd, *beyond, *assumed, *texts,
              *ending_text(item), *constant_text(item)]  # fmt: skip
     return replace(item, assumed=tuple(texts)), tuple(one[1] for one in runs)
+
+
+def fitted_load(
+    known: KnownFit, templates: Mapping[str, Curve], name: str, given: Curve, ending: str
+) -> FittedAt | None:
+    """Return the fitted recording whose load a line pressure is, so that the fit knows where its delivery ends.
+
+    None for another one of that name, or where it is asked what it would be with another ending.
+    """
+    found = next((item for item in known.recordings if item.id == name), None)
+    if found is None or ending not in ("", found.structure):
+        return None
+    fitted = templates[name]
+    apart = given.pressure - np.interp(given.theta, fitted.theta, fitted.pressure, period=TURN)
+    return found if np.sqrt(np.mean(apart**2)) < SAME_LOAD * np.max(fitted.pressure) else None
 
 
 def pressed_text(item: Forecast) -> tuple[str, ...]:

@@ -16,9 +16,11 @@ from camtorque.finished_fit import FinishedFit
 from camtorque.fit.arrow import ArrowCovariance
 from camtorque.fit.endings import EITHER, ENDINGS, UNKNOWN_STD, either, endings_of, if_it_ended_so, load_for, own_ending
 from camtorque.fit.forecast import Forecast
+from camtorque.fit.known_ends import Curve
 from camtorque.fit.known_fit import FittedAt, KnownFit, LoadKnowledge, draws
 from camtorque.jsonable import jsonable
 from camtorque.laws import ROWS
+from camtorque.predict_from import fitted_load
 from camtorque.records import Estimate, Forces, Refusal
 from camtorque.report.forecast_page import _drawing, end_text, ending_text, flight_text, sweep_row, with_band
 from camtorque.report.numbers import UNKNOWN
@@ -68,6 +70,22 @@ def test_an_ending_is_what_was_asked_for_or_seen_and_both_where_the_recordings_d
 def test_the_load_of_a_fitted_recording_ends_as_that_does() -> None:
     fit = known({"a": "land", "b": "line", "c": "spill"})
     assert [own_ending(fit, name) for name in ("a", "b", "c", "d", "")] == ["land", "", "spill", "", ""]
+
+
+def test_the_load_of_a_fitted_recording_is_told_from_another_of_its_name() -> None:
+    """Its end was looked for by shape, as of a load that nobody had fitted: 1460 +- 150 bar for 1468 +- 16."""
+    fit = known({"a": "land", "b": "line", "c": "spill"})
+    rise = 600e5 * np.exp(-(((THETA - 0.7) / 0.2) ** 2))
+    templates = {name: Curve(THETA, rise, 100.0) for name in "abc"}
+    coarser = Curve(THETA[::4], rise[::4] * 1.002, 100.0)
+    another = Curve(THETA, 1.05 * rise, 100.0)
+
+    def found(name: str, curve: Curve, ending: str = "") -> FittedAt | None:
+        return fitted_load(fit, templates, name, curve, ending)
+
+    assert [found(name, coarser) for name in ("a", "b", "c")] == list(fit.recordings)
+    assert [found("d", coarser), found("a", another), found("a", coarser, "spill")] == [None, None, None]
+    assert found("a", coarser, "land") is fit.recordings[0]
 
 
 def test_an_ending_that_nothing_can_tell_is_refused() -> None:
