@@ -115,8 +115,8 @@ def test_a_valve_that_fills_the_chamber_on_the_return_is_told_from_none():
     assert best.data.rows[VALVE.parameter].source == VALVE.source
     assert other.probability < 0.4
     assert other.beside == best
-    true = rig(*case).truth.friction.plunger_viscous
-    assert abs(viscous(best) - true) < abs(viscous(other.candidate) - true)
+    assert viscous(other.candidate) < viscous(best)
+    assert abs(viscous(best) - rig(*case).truth.friction.plunger_viscous) < 1.0  # of 4.4 that it is known to
 
 
 def test_a_pump_without_a_suction_valve_gets_none():

@@ -80,7 +80,8 @@ def test_what_is_the_wrong_way_round_is_turned(best, halves):
 
 
 def test_a_turned_start_is_followed_while_it_may_be_worth_something(best):
-    turned_data = released(best.data)
+    # at the very edge of the land no step leads anywhere
+    turned_data = with_starts(released(best.data), {"outlet_return": 0.9})
     followed = at_minimum(turned_data)
     given_up = at_minimum(turned_data, beside(best.value))
     assert followed.solution.chi_square > beside(best.value).limit
