@@ -79,6 +79,16 @@ def test_paper_pump_reaches_the_torque_levels_of_the_paper():
     assert not row["contact_lost"]
 
 
+def test_a_pressure_that_is_another_one_a_revolution_on_is_refused(tmp_path):
+    """The row at 360 degrees was left out without a word, whatever it said."""
+    file, rows = tmp_path / "p.csv", "cam_angle_deg,pressure_bar\n0,{}\n90,500\n180,100\n360,{}\n"
+    file.write_text(rows.format(60, 65))
+    assert read_pressure_curve(file).pressure.tolist() == pytest.approx([60e5, 500e5, 100e5])
+    file.write_text(rows.format(60, 90))
+    with pytest.raises(Refusal, match="found 60 bar at 0 deg and 90 bar at 360 deg, which are one angle, expected"):
+        read_pressure_curve(file)
+
+
 def test_prediction_is_the_rigid_solution():
     config = load_pump_config(PAPER)
     curve = read_pressure_curve(CALIBRATION / "paper_pressure.csv")

@@ -20,6 +20,8 @@ LEAST_SPAN_DEG, MOST_BAR = 10.0, 10_000.0
 """A pressure curve over less, or to more than any pump gives, is one in another unit."""
 LARGEST_RANGE = 3.5
 """Range of a sensor over the largest pressure that is measured with it; 46 recordings have 1.1 to 3.3."""
+CLOSES = 0.02
+"""Share of the peak by which a pressure may differ from itself a revolution on: cycles scatter less."""
 CURVE_COLUMNS = ("cam_angle_deg", "pressure_bar")
 
 
@@ -64,6 +66,11 @@ def read_pressure_curve(path: Path | str) -> PressureCurve:
     table = read_small_table(Path(path), "a pressure curve")
     angle, pressure = map(table.column, CURVE_COLUMNS)
     if angle.size > 1 and abs(angle[-1] - angle[0] - 360.0) < 1e-9:
+        if abs(pressure[-1] - pressure[0]) > CLOSES * np.max(np.abs(pressure)):
+            raise Refusal(
+                f"{path}: found {pressure[0]:g} bar at {angle[0]:g} deg and {pressure[-1]:g} bar at {angle[-1]:g} deg, "
+                "which are one angle, expected the same; correct one of them or leave it out"
+            )
         angle, pressure = angle[:-1], pressure[:-1]
     if angle.size < 2 or not np.all(np.diff(angle) > 0.0) or angle[-1] - angle[0] >= 360.0:
         raise Refusal(
