@@ -185,11 +185,7 @@ def _at_speed(
 ) -> tuple[Forecast, tuple[Forces, ...]]:
     """Return a run at one speed [rad/s], by the ending that is asked for or known, with what was assumed."""
     given = asked.given
-    own = None if given is None else fitted_load(known, templates, asked.name, given, asked.ending)
-    if given is None or own is not None:
-        sources: tuple[FittedAt, ...] = (own or known.nearest(speed),)
-    else:
-        sources = endings_of(known, speed, asked.ending)
+    sources, fitted = _sources(known, templates, speed, asked)
 
     @on_one_thread
     def run(source: FittedAt) -> tuple[Forecast, Forces, Rig, Mapping[str, Estimate]]:
@@ -199,9 +195,7 @@ def _at_speed(
         curve = templates[source.id] if given is None else given
         chain = chain_of(rig, speed, curve, source.structure)
         shaped = curve if np.isfinite(curve.speed) else replace(curve, speed=speed)
-        load = LoadKnowledge({}, curve.std)
-        if given is not None and own is None:
-            load = load_for(known, source, templates, chain, shaped)
+        load = LoadKnowledge({}, curve.std) if fitted else load_for(known, source, templates, chain, shaped)
         load = replace(load, ends={**load.ends, **begun_elsewhere(known, source, asked.name)})
         begun = begun_as(known, source, asked.name)
         return *with_forces(begun, source, rig, chain, load, asked.changes), rig, load.ends
@@ -227,6 +221,16 @@ def _at_speed(
     texts = [*pressed_text(item), *flight_text(item), *step_text(item), *odd, *beyond, *assumed, *texts,
              *ending_text(item), *constant_text(item)]  # fmt: skip
     return replace(item, assumed=tuple(texts)), tuple(one[1] for one in runs)
+
+
+def _sources(
+    known: KnownFit, templates: Mapping[str, Curve], speed: float, asked: Asked
+) -> tuple[tuple[FittedAt, ...], bool]:
+    """Return the recordings that stand in for a run, one for each ending, and whether the load is their own."""
+    if asked.given is None:
+        return (known.nearest(speed),), True
+    own = fitted_load(known, templates, asked.name, asked.given, asked.ending)
+    return (endings_of(known, speed, asked.ending), False) if own is None else ((own,), True)
 
 
 def fitted_load(
