@@ -142,8 +142,7 @@ def _status(parsed: argparse.Namespace) -> int:
     stopped = "stopped; the same command goes on where it was" if parsed.command == "campaign" else "stopped"
     try:
         with stoppable(), before_leaving(partial(tell, stopped)):
-            status = execute(parsed)
-            return status
+            return execute(parsed)
     except KeyboardInterrupt as stop:
         tell(stopped)
         return getattr(stop, "status", STOPPED)

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from camtorque.ingest import repeated
-from camtorque.ingest.raw import ArraySource
+from camtorque.ingest.raw import ArraySource, EveryNth
 from camtorque.ingest.recording import read_recording
-from camtorque.ingest.repeated import EveryNth, repeats_of
+from camtorque.ingest.repeated import repeats_of
 from damaged.logs import Plan, clean_log, write_folder
 
 EVERY = 5

@@ -129,6 +129,26 @@ class ArraySource:
 
 
 @dataclass(frozen=True)
+class EveryNth:
+    """One in so many samples of a source."""
+
+    source: SampleSource
+    first: int
+    every: int
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples."""
+        return -(-(self.source.n_samples - self.first) // self.every)
+
+    def read(self, start: int, stop: int) -> Array:
+        """Return raw samples ``[start, stop)``."""
+        start, stop, _ = slice(start, stop).indices(self.n_samples)
+        low = self.first + start * self.every
+        return self.source.read(low, low + max(stop - start, 0) * self.every)[:: self.every]
+
+
+@dataclass(frozen=True)
 class PairSource:
     """Samples computed from those of two sources of one time base: times and their fractions, a bridge's supply."""
 

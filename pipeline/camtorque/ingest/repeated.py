@@ -6,37 +6,17 @@ stands. Taken as they are such steps lie half of that number late, and a level t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from camtorque.ingest.raw import RawChannel
-from camtorque.records import Array, Finding, SampleSource
+from camtorque.ingest.raw import EveryNth, RawChannel
+from camtorque.records import Finding, SampleSource
 
 LOOKED_AT = 200_000
 """Samples at either end that are looked at."""
 LEAST_CHANGES = 100
 """Changes at whole multiples of two, of which chance makes one channel in 2^99."""
-
-
-@dataclass(frozen=True)
-class EveryNth:
-    """One in so many samples of a source."""
-
-    source: SampleSource
-    first: int
-    every: int
-
-    @property
-    def n_samples(self) -> int:
-        """Number of samples."""
-        return -(-(self.source.n_samples - self.first) // self.every)
-
-    def read(self, start: int, stop: int) -> Array:
-        """Return raw samples ``[start, stop)``."""
-        start, stop, _ = slice(start, stop).indices(self.n_samples)
-        low = self.first + start * self.every
-        return self.source.read(low, low + max(stop - start, 0) * self.every)[:: self.every]
 
 
 def without_repeats(raw: RawChannel, where: str) -> tuple[RawChannel, tuple[Finding, ...]]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from camtorque.ingest.raw import ArraySource
+from camtorque.ingest.raw import ArraySource, EveryNth
 from camtorque.records import Finding, Refusal, SampleSource
 from camtorque.units import counted
 
@@ -89,12 +89,7 @@ def usual_distance(source: SampleSource) -> int:
 
 def at(rows: slice, source: SampleSource) -> SampleSource:
     """Return the samples of some rows."""
-    if rows.step == 1:
-        return source
-    block = rows.step * max(ROWS // rows.step, 1)
-    return ArraySource(
-        np.concatenate([source.read(low, low + block)[rows] for low in range(0, source.n_samples, block)])
-    )
+    return source if rows.step == 1 else EveryNth(source, rows.start, rows.step)
 
 
 def is_fraction(source: SampleSource, unit: float) -> bool:
