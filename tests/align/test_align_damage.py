@@ -14,7 +14,7 @@ from camtorque.align import AlignOptions, align
 from camtorque.align.polarity import _refuse_swapped
 from camtorque.align.quality import CUTS, flat_top_findings
 from camtorque.ingest import read_recording
-from camtorque.records import CamCycles, Recording, Refusal
+from camtorque.records import Array, CamCycles, Recording, Refusal
 from camtorque.report.verdict import DOUBTFUL
 from camtorque.signal.damage import clipped_samples, clips_below, damage_of, damage_of_each
 from camtorque.units import angle_grid, counted
@@ -272,22 +272,29 @@ def test_a_trigger_that_fell_silent_behind_a_jump_of_the_time_is_told(pause: flo
     assert [f"of {4.0 + max(pause, 0.0):.2f} s" in text for text in silent] == [True]
 
 
-def test_end_of_the_output_range_is_clipping() -> None:
+def with_pressure(largest: float, saturates: bool, change: Callable[[Array], Array] = lambda volts: volts) -> Recording:
+    """Return a recording whose pressure goes to some volts, on a sheet that states 2.5 V."""
     recording = make(RIG)
-    pressure = next(c for c in recording.channels if c.quantity == "pressure")
-    tight = replace(pressure, calibration=replace(calibration("pressure", 4e-6), output_max_volts=2.5))
-    recording = replace(recording, channels=(recording.channels[0], tight, recording.channels[2]))
+    torque, pressure, trigger = recording.channels
+    sheet = calibration("pressure", 4e-6)
+    stretch = largest / float(np.max(pressure.source.values))
+    sheet = replace(sheet, gain=sheet.gain / stretch, output_max_volts=2.5, saturates=saturates)
+    source = Samples(change(stretch * pressure.source.values))
+    return replace(recording, channels=(torque, replace(pressure, calibration=sheet, source=source), trigger))
+
+
+@pytest.mark.parametrize("noise", [0.0, 2.0e-3])
+def test_end_of_the_output_range_is_clipping(noise: float) -> None:
+    rng = np.random.default_rng(1)
+    clipped = with_pressure(3.0, True, lambda volts: np.minimum(volts, 2.5) + noise * rng.standard_normal(volts.size))
     with pytest.raises(Refusal, match="pressure_clipped"):
-        align(recording)
+        align(clipped)
 
 
-def test_values_beyond_a_nominal_range_that_a_logger_has_scaled_are_not_clipped() -> None:
-    """Round peaks of 622 bar on a sensor of 600 were refused, all 58 cycles."""
-    recording = make(RIG)
-    pressure = next(c for c in recording.channels if c.quantity == "pressure")
-    sheet = replace(calibration("pressure", 4e-6), output_max_volts=2.5, saturates=False)
-    scaled = replace(pressure, calibration=sheet)
-    cycles = align(replace(recording, channels=(recording.channels[0], scaled, recording.channels[2])))
+@pytest.mark.parametrize("saturates", [True, False])
+def test_round_peaks_beyond_the_stated_range_are_not_clipped(saturates: bool) -> None:
+    """Round peaks of 622 bar on a sensor of 600 were refused, all 58 cycles; so were 10.12 V of 10."""
+    cycles = align(with_pressure(2.53, saturates))
     assert [row.cycles_single for row in cycles.cut_flow if row.reason == "pressure_clipped"] in ([], [0])
 
 

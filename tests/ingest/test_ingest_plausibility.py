@@ -421,6 +421,13 @@ def test_a_sensor_beyond_its_nominal_range_is_told(bench: Path):
     assert "the torque reaches 309 % of nominal_range" in found.text
 
 
+def test_an_amplifier_that_goes_on_beyond_the_output_of_its_sheet_is_told(bench: Path):
+    sheet = bench / "calibration" / TORQUE
+    edit(sheet, "output_range_V = [-5.0, 5.0]", "output_range_V = [-1.5, 1.5]")
+    (found,) = (finding for finding in summarise(read(bench)).findings if finding.code == "beyond_nominal_range")
+    assert "the output range of its sheet is -1.5 to 1.5: beyond it nothing states" in found.text
+
+
 @pytest.mark.parametrize("quantity", ["torque", "pressure"])
 def test_a_sensor_whose_range_a_loaded_pump_hardly_uses_is_told(bench: Path, quantity: str):
     recording = read(bench)

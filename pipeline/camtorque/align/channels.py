@@ -19,6 +19,7 @@ from camtorque.compiled import compiled_pays
 from camtorque.records import Array, Channel, Finding, Integers, Mask, Recording, Refusal
 from camtorque.signal.damage import clips_below, damage_of_each
 from camtorque.signal.logger_time import sample_positions
+from camtorque.signal.threshold import Threshold
 from camtorque.stacks import empty_stack, give_back
 from camtorque.units import TURN
 
@@ -26,6 +27,11 @@ CUT_BY = ("torque", "pressure")
 """Quantities whose damage costs a cycle."""
 BLOCK = 1 << 18
 """Samples resampled at a time: they and their rows fit into the processor's cache."""
+BEYOND_END = Threshold(
+    0.005, "1", "convention",
+    "Share of the stated output range by which values that stand at its end do not pass it; a round top that passes it "
+    "is not clipped there: amplifiers of 10 V go on to 10.5 to 12 V."
+)  # fmt: skip
 MARGIN = 3
 """Samples beyond the ends of a cycle that interpolation and bin borders may touch."""
 
@@ -199,6 +205,8 @@ def _align_channel(channel: Channel, turns: Turns, complete: Mask, reading: thre
         extremes[group] = np.column_stack([np.min(rows[group], axis=1), np.max(rows[group], axis=1)])
         damage[group] = damage_of_each(volts, rate * np.array([begin[group], end[group]]) + place, limits, compiled)
         give_back(rows)
+    if complete.any() and _goes_on(np.median(extremes[complete], axis=0), law, limits):
+        damage[:, 0] = 0
     return AlignedChannel(channel, rows, extremes, ChannelDamage(*damage.T), samples_per_step, rule)
 
 
@@ -212,6 +220,17 @@ def _law(channel: Channel) -> tuple[tuple[float, float], tuple[float, float]]:
         low = calibration.output_min_volts / channel.scale if clips_below(calibration) else low
         high = calibration.output_max_volts / channel.scale
     return (calibration.zero_volts / channel.scale, channel.sign * channel.scale * calibration.gain), (low, high)
+
+
+def _goes_on(extremes: Array, law: tuple[float, float], limits: tuple[float, float]) -> bool:
+    """Tell whether a usual cycle passes an end of the output range clearly: the amplifier ends elsewhere.
+
+    ``extremes`` : (2,) lowest and highest value of the cycle in SI
+    """
+    zero, gain = law
+    low, high = np.sort(extremes / gain + zero)
+    lowest, highest = limits
+    return bool(low < lowest - BEYOND_END * abs(lowest) or high > highest + BEYOND_END * abs(highest))
 
 
 def _groups(first: Integers, stop: Integers, complete: Mask, cycles: Integers) -> Iterator[slice]:

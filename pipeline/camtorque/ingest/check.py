@@ -199,9 +199,10 @@ def _beyond_range(channel: Channel, calibration: SensorCalibration, scan: Scan, 
     if beyond > FAR_BEYOND_RANGE * span:
         text = f"{seen}, the sensor gives {least:g} to {most:g}; wrong unit, or samples damaged"
         return [Finding("out_of_range", "error", text, where)]
-    if calibration.saturates:  # what stands at the end of an amplifier is told by its cycles
-        return []
-    text = f"{seen}, the nominal range is {least:g} to {most:g}: beyond it nothing states how good the sensor is"
+    if calibration.saturates and scan.high - calibration.output_max_volts < beyond:
+        return []  # below the lower end of an amplifier lies its zero's error
+    named = "output range of its sheet" if calibration.saturates else "nominal range"
+    text = f"{seen}, the {named} is {least:g} to {most:g}: beyond it nothing states how good the sensor is"
     return [Finding("beyond_nominal_range", "warning", text, where)]
 
 
