@@ -8,8 +8,10 @@ import pytest
 from camtorque.ingest import repeated
 from camtorque.ingest.raw import ArraySource, EveryNth
 from camtorque.ingest.recording import read_recording
-from camtorque.ingest.repeated import repeats_of
+from camtorque.ingest.repeated import OneOfEach, repeats_of, uneven_repeats_of
 from damaged.logs import Plan, clean_log, write_folder
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 EVERY = 5
 
@@ -60,3 +62,46 @@ def test_one_in_so_many_is_read_in_pieces() -> None:
     assert source.read(1, 3).tolist() == [7.0, 12.0]
     assert source.read(4, 4).size == 0
     assert replace(source, first=3).n_samples == 4
+
+
+def test_a_module_whose_rate_does_not_divide_that_of_the_table_is_read_at_its_own(tmp_path: Path) -> None:
+    """It was refused as clipped: each value stands in two or three rows."""
+    log, every, first = clean_log(), 2.8, 0.7
+    rows = np.arange(log.volts["torque"].size)
+    taken = first + every * np.floor((rows - first) / every)
+    slow = log.with_volts("torque", np.interp(taken, rows, log.volts["torque"]))
+    recording = read_recording(write_folder(tmp_path / "slow", [slow], Plan("hdf5")))
+    (torque,) = recording.of("torque")
+    assert torque.sample_rate == pytest.approx(log.rate / every, rel=1e-8)
+    assert torque.start_time == pytest.approx(first / log.rate, abs=0.02 / log.rate)
+    times = first + every * np.arange(torque.n_samples)
+    expected = np.interp(times, rows, log.volts["torque"])
+    np.testing.assert_allclose(torque.source.read(0, torque.n_samples), expected, atol=1e-3 * np.ptp(expected))
+    (text,) = [item.text for item in recording.findings if item.code == "values_repeated"]
+    assert text.startswith("each value stands in 2.8 rows, as one of a module of 3571.43 Hz")
+
+
+@settings(max_examples=40, deadline=None)
+@given(every=st.floats(1.55, 9.95), first=st.floats(0.0, 1.5), seed=st.integers(0, 99))
+def test_values_that_stand_in_uneven_numbers_of_rows_are_each_read_once(every: float, first: float, seed: int) -> None:
+    values = np.random.default_rng(seed).normal(size=20_000).round(3 if every > 2.0 else 12)
+    rows = np.arange(15_000.0)
+    source = ArraySource(values[np.floor((rows - first) / every).astype(int) + 1])
+    found = uneven_repeats_of(source)
+    if found == (0.0, 1.0):  # close to a whole number one of both lengths is rare
+        assert abs(every - round(every)) * rows.size / every < 120
+        return
+    assert found[1] == pytest.approx(every, rel=1e-5)
+    one = OneOfEach(source, *found)
+    begun = 1 + round((found[0] - first) / every)
+    read = one.read(0, one.n_samples)
+    np.testing.assert_array_equal(read, values[begun : begun + one.n_samples])
+    np.testing.assert_array_equal(one.read(3, 40), read[3:40])
+    assert one.read(5, 5).size == 0
+
+
+@pytest.mark.parametrize("bits", [6, 8, 10, 12])
+def test_a_noise_that_repeats_values_here_and_there_stands_in_no_even_number_of_rows(bits: int) -> None:
+    noise = 0.8 * np.random.default_rng(bits).standard_normal(400_000)
+    values = np.round(np.sin(1e-3 * np.arange(noise.size)) * 2.0**bits + noise)
+    assert uneven_repeats_of(ArraySource(values)) == (0.0, 1.0)
