@@ -421,6 +421,16 @@ def test_a_sensor_beyond_its_nominal_range_is_told(bench: Path):
     assert "the torque reaches 309 % of nominal_range" in found.text
 
 
+def test_a_load_beyond_the_points_of_the_certificate_is_told(bench: Path):
+    assert "beyond_certificate" not in codes(bench)
+    certificate = (bench / "calibration" / TORQUE).with_suffix(".csv")
+    rows = certificate.read_text(encoding="utf-8").splitlines(keepends=True)
+    below = [row for row in rows if not re.match(r"-?\d", row) or abs(float(row.split(",")[0])) <= 40.0]
+    certificate.write_text("".join(below), encoding="utf-8")
+    (found,) = (finding for finding in read(bench).findings if finding.code == "beyond_certificate")
+    assert re.match(r"the torque reaches 1\.\d+ times the largest point of its certificate", found.text)
+
+
 def test_an_amplifier_that_goes_on_beyond_the_output_of_its_sheet_is_told(bench: Path):
     sheet = bench / "calibration" / TORQUE
     edit(sheet, "output_range_V = [-5.0, 5.0]", "output_range_V = [-1.5, 1.5]")

@@ -48,6 +48,8 @@ MOST_RANKED = 200_000
 """Of these samples, as many are ranked as make the highest 0.1 % a sound choice."""
 OVERLOAD = 1.1
 """Share of the nominal range that a sensor is run at by those who know it; its class holds up to 1."""
+BEYOND_POINTS = 1.05
+"""Share of the largest point of its certificate up to which a load counts as within it."""
 UNUSED = 0.02
 """Share of it below which no loaded channel stays: 0.24 is the least of 46 recordings."""
 
@@ -154,6 +156,7 @@ def check_loads(recording: Recording) -> list[Finding]:
     is_loaded = peaks.get("pressure", 0.0) > LOADED
     ranges = [row for name in sheets for row in wrapped_findings(recording.of(name)[0])]
     ranges += [row for name, sheet in sheets.items() for row in range_findings(sheet, peaks[name], is_loaded=is_loaded)]
+    ranges += [row for name, sheet in sheets.items() for row in beyond_points(sheet, peaks[name])]
     if recording.lift_table is None or "pressure" not in sheets:
         return ranges
     _refuse_other_unit(recording, sheets["pressure"].range_max, peaks["pressure"])
@@ -281,6 +284,17 @@ def range_findings(sheet: SensorCalibration, peak: float, *, is_loaded: bool) ->
         "and sensitivity"
     )
     return [Finding(code, "warning", text, sheet.serial)]
+
+
+def beyond_points(sheet: SensorCalibration, peak: float) -> list[Finding]:
+    """Return a warning where the largest value of a channel lies beyond all points of its certificate."""
+    if not peak > BEYOND_POINTS * sheet.calibrated_to:
+        return []
+    text = (
+        f"the {sheet.quantity} reaches {short(peak / sheet.calibrated_to)} times the largest point of its certificate, "
+        "expected points up to the loads that are measured: beyond them its line is drawn on; have it calibrated there"
+    )
+    return [Finding("beyond_certificate", "warning", text, sheet.serial)]
 
 
 def largest(channel: Channel) -> float:

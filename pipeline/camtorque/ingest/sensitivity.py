@@ -167,6 +167,7 @@ class CertificateLine:
     residual_rms : in SI
     reference_relative_std : stated uncertainty of the certificate over its range, k=1; nan where it states none
     findings : a point that the others contradict
+    largest : load of the largest point in SI, infinite where no certificate has points
     """
 
     gain: float
@@ -175,6 +176,7 @@ class CertificateLine:
     residual_rms: float
     reference_relative_std: float
     findings: tuple[Finding, ...] = ()
+    largest: float = math.inf
 
 
 def read_certificate(path: Path, quantity: str, serial: str, sheet_unit: str, output: str) -> CertificateLine:
@@ -234,7 +236,8 @@ def _fit(path: Path, applied: Array, volts: Array, relative: float) -> Certifica
     # std of the slope over the slope: the residuals are in units of the load
     fit_std = scatter / float(np.sqrt(np.sum((applied - applied.mean()) ** 2)))
     findings = _outlying(path, applied, volts, float(slope))
-    return CertificateLine(1.0 / float(slope), fit_std, float(zero), scatter, relative, findings)
+    largest = float(np.max(np.abs(applied)))
+    return CertificateLine(1.0 / float(slope), fit_std, float(zero), scatter, relative, findings, largest)
 
 
 def _outlying(path: Path, applied: Array, volts: Array, slope_of_all: float) -> tuple[Finding, ...]:

@@ -100,6 +100,7 @@ def _sensed(
     calibration = replace(
         calibration, gain=line.gain, gain_relative_std=gain_std, nonlinearity_std=line.residual_rms,
         range_min=low * factor, range_max=high * factor, output_min_volts=out_low, output_max_volts=out_high,
+        calibrated_to=line.largest,
     )  # fmt: skip
     calibration = with_zero(calibration, sheet, line, readings)
     off, beyond = zero_findings(calibration, sheet, line, readings)

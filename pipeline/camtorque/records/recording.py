@@ -50,6 +50,7 @@ class SensorCalibration:
     filter_order, filter_damping : order of the low-pass, 0 when none; its damping ratio, nan where its kind is unknown
     range_min, range_max : nominal range in SI
     output_min_volts, output_max_volts : output range
+    calibrated_to : largest load of its certificate in SI, infinite where none has points
     saturates : whether its end is that of an amplifier; nominal ranges of values that a logger has scaled are passed
     """
 
@@ -71,6 +72,7 @@ class SensorCalibration:
     output_max_volts: float = math.inf
     filter_damping: float = math.nan
     saturates: bool = True
+    calibrated_to: float = math.inf
 
     @property
     def largest_reading(self) -> float:
