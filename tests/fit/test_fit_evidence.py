@@ -297,3 +297,19 @@ def test_a_part_without_which_the_model_overflows_is_needed(refit, verdict):
     row = next(row for row in rows if row.name == "friction")
     assert row.verdict == verdict
     assert row.confirmed_by_refit == (not np.isnan(refit))
+
+
+@pytest.mark.parametrize(("refit", "verdict"), [(np.nan, "cannot tell"), (-25.0, "not needed"), (-3.0, "cannot tell")])
+def test_a_driveline_is_judged_by_its_refit(refit, verdict):
+    """The Gaussian at a shaft that hardly yields knows its compliance badly: -5 stood in the way of -38 by a refit."""
+    row = laws.ROWS["shaft_compliance"]
+    box = np.zeros(1), np.full(1, row.upper)
+    value, known = 2.0 * row.step, 0.8 * row.step
+    posterior = Gaussian(np.array([value]), np.array([[known**2]]), *box)
+    prior = Gaussian(np.array([0.0]), np.array([[(50.0 * row.step) ** 2]]), *box)
+    moves = dict.fromkeys(("driveline", EITHER_LOSS), np.array([[(1e-3 / value) ** 2]]))
+    fit = Weighed((row,), posterior.mean, posterior, prior, moves, 1.0)
+    assert -10.0 < fit.factor(("shaft_compliance",)) < 0.0
+    rows = evidence_of(fit, ["driveline"], lambda left_out: [refit] * len(left_out))
+    found = next(row for row in rows if row.name == "driveline")
+    assert found.verdict == verdict

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from camtorque.fit import kinds
 from camtorque.fit.joint_input import with_common_rows
-from camtorque.fit.kinds import INLET, KINDS, PIN, kinds_decided, log_odds
+from camtorque.fit.kinds import INLET, KINDS, PIN, OtherFit, kinds_decided, log_odds, weighed_losses
 from camtorque.fit.problem import with_rows
 from camtorque.fit.single import fit_prepared
 from camtorque.laws import ROWS
+from camtorque.records import LossEvidence
 from fit_cases import quick, quick_data, quick_halves, quick_prepared, rig
 
 NEEDLES, IN_BUSH = ("closed_volume", 0, 1000.0), ("plain_bush", 0, 1000.0)
@@ -132,3 +133,25 @@ def test_a_chamber_that_is_the_line_has_no_inlet():
     line = quick(("bare", 0, 1000.0))
     measured = replace(line, problem=replace(line.problem, parameters=()))
     assert kind_decided([measured], quick_halves(("bare", 0, 1000.0)), INLET) == ([measured], None)
+
+
+@pytest.mark.parametrize(
+    ("probability", "usual", "verdict"),
+    [(0.4, "not needed", "not needed"), (0.001, "not needed", "cannot tell"), (0.4, "needed", "cannot tell")],
+)
+def test_what_comes_with_a_valve_that_may_not_be_there_is_not_needed(monkeypatch, probability, usual, verdict):
+    """Of sixteen pumps without friction and valve eleven were told that they may have some, with a valve's pull."""
+    case = ("suction_valve", 0, 1000.0)
+    ports = quick(case)
+    valve = kinds._with_other(quick_halves(case), (VALVE, ports))
+    row = LossEvidence("friction", -15.0, "cannot tell", False, 0.3, (0.0, 0.4), "N m", "")
+    damping = replace(row, name="damping", verdict="needed")
+    said = {VALVE.source: (row, damping), ROWS[VALVE.parameter].source: (replace(row, verdict=usual), damping)}
+    monkeypatch.setattr(
+        kinds, "loss_evidence",
+        lambda problem, *_: said[problem.data[0].rows[VALVE.parameter].source],
+    )  # fmt: skip
+    others = {INLET: OtherFit(ports, valve, probability)}
+    cov = kinds.covariance(valve.problem, valve.solution)
+    found = {row.name: row.verdict for row in weighed_losses(valve, others, cov, 1.0)}
+    assert found == {"friction": verdict, "damping": "needed"}

@@ -212,8 +212,9 @@ def evidence_of(fit: Weighed, losses: Sequence[str], refitted: Refits | None = N
 def _judged(fit: Weighed, name: str, quick: float, refit: float) -> LossEvidence:
     """Return the verdict on a loss by its factors: without and with a refit, nan where none was made."""
     size, interval, unit = _size(fit, name)
-    factor = refit if name == "driveline" and not np.isnan(refit) else quick
-    highest = quick if np.isnan(refit) else max(quick, refit)
+    exact = name == "driveline" and not np.isnan(refit)
+    factor = refit if exact else quick
+    highest = factor if exact or np.isnan(refit) else max(quick, refit)
     small = float(np.degrees(SMALL_ANGLE)) if unit == "deg" else fit.small
     limit = 2.0 * small if highest < SURELY_NOT else small
     verdict = "cannot tell"

@@ -22,17 +22,19 @@ from typing import cast
 
 import numpy as np
 
-from camtorque.fit.evidence import NEEDED, laplace, strength
+from camtorque.fit.evidence import NEEDED, laplace, loss_evidence, strength
 from camtorque.fit.minima import Candidate, Halves, at_minimum, attempted, beside
 from camtorque.fit.prepare import DISCREPANCY, INDEPENDENT
 from camtorque.fit.problem import with_rows, with_starts
 from camtorque.fit.truncated import one_sided_moments
-from camtorque.fit.uncertainty import Covariance, covariance, posterior_at, pressure_moved_to
+from camtorque.fit.uncertainty import Covariance, covariance, narrowed, posterior_at, pressure_moved_to
 from camtorque.laws import ROWS
 from camtorque.laws.rows import ParameterRow
 from camtorque.process.second_process import in_two
-from camtorque.records import Array, LossEvidence
+from camtorque.records import EITHER_LOSS, Array, LossEvidence
 
+UNSURE = 0.01
+"""Probability of a fit without a part above which the data do not surely need the part: 2 ln K of 9."""
 WEIGHED_WITHIN = 40.0
 """Chi-square over the inflation above the best minimum's up to which a structure is weighed by its evidence."""
 
@@ -62,6 +64,10 @@ class Kind:
         """Return whether a pump has the part, of a kind that nobody states."""
         usual = item.data.rows[self.parameter].source == ROWS[self.parameter].source
         return usual and item.problem.index(self.parameter) >= 0
+
+    def is_without(self, item: Candidate) -> bool:
+        """Return whether a minimum is one without the part, which the other kind has."""
+        return self.absent > 0.0 and item.data.rows[self.parameter].source != self.source
 
     def rows(self, row: ParameterRow) -> tuple[Mapping[str, object], Mapping[str, object]]:
         """Return what the usual and the other kind make of the parameter's row: a larger roller has a larger pin."""
@@ -251,6 +257,25 @@ def _for_none(kind: Kind, usual: Candidate, cov: Covariance) -> float:
     mean = posterior_at(usual.problem, usual.solution, cov.matrix, cov.inflation).mean[place]
     risen, _ = _swapped(usual.problem.parameters[place].row, float(mean), float(cov.std[place]), (0.0, kind.absent))
     return max(risen, 0.0)
+
+
+def weighed_losses(
+    best: Candidate, others: Mapping[str, OtherFit], cov: Covariance, odd_even: float
+) -> tuple[LossEvidence, ...]:
+    """Return the evidence for each loss; ``cov`` is the covariance of the best fit, ``others`` are by name in `KINDS`.
+
+    What it leaves open is not needed where a fit without a part that not every pump has does not need it: unless the
+    data surely need that part, they do not need what comes with it.
+    """
+    found = loss_evidence(best.problem, best.solution, cov, odd_even)
+    usual = next((other.candidate for name, other in others.items()
+                  if other.probability > UNSURE and KINDS[name].is_without(other.candidate)), None)  # fmt: skip
+    if usual is None or EITHER_LOSS in [row.name for row in found]:
+        return found
+    sure = narrowed(covariance(usual.problem, usual.solution), usual.solution)
+    rows = loss_evidence(usual.problem, usual.solution, sure, odd_even)
+    absent = {row.name: row for row in rows if row.verdict == "not needed"}
+    return tuple(absent.get(row.name, row) if row.verdict == "cannot tell" else row for row in found)
 
 
 @dataclass(frozen=True)

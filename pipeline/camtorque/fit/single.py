@@ -28,7 +28,7 @@ import numpy as np
 
 from camtorque.align.budget import SWITCHING_DELAY, wandered_std
 from camtorque.fit.descent import Effort
-from camtorque.fit.evidence import loss_evidence, where_unexplained
+from camtorque.fit.evidence import where_unexplained
 from camtorque.fit.kinds import (
     KINDS,
     OtherFit,
@@ -36,6 +36,7 @@ from camtorque.fit.kinds import (
     kinds_decided,
     structure_probabilities,
     structure_spread,
+    weighed_losses,
 )
 from camtorque.fit.local_error import weighed_locally
 from camtorque.fit.minima import (
@@ -249,7 +250,7 @@ def fit_prepared(prepared: Prepared, weighed: bool = True) -> Fit:
     odd_even = prepared.means.odd_even
     evidence: tuple[LossEvidence, ...] = ()
     if weighed:
-        evidence = loss_evidence(problem, solution, cov, odd_even)
+        evidence = weighed_losses(best, prepared.other_kinds, cov, odd_even)
         if not best.data.measures_chamber:
             evidence = (chamber_evidence(prepared.candidates, careful.inflation), *evidence)
         if not explains(best.data, solution, odd_even):
