@@ -342,7 +342,7 @@ def test_align_tells_a_speed_far_from_nominal(tmp_path: Path, capsys):
     text = text.replace('file = "', f'file = "{(EXAMPLES / "A_1000rpm").as_posix()}/')
     (tmp_path / "recording.toml").write_text(text, encoding="utf-8")
     assert cli.main(["align", str(tmp_path), "--out", str(tmp_path / "o"), "--quiet"]) == 0
-    assert "the pulses tell 1000 rpm, the nominal speed is 500 rpm" in capsys.readouterr().out
+    assert "the pulses give 1000 rpm, the nominal speed is 500 rpm" in capsys.readouterr().out
 
 
 def test_predict_prints_a_sweep_and_leaves_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

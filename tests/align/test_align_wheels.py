@@ -243,8 +243,13 @@ def test_of_two_channels_that_tell_the_angle_the_one_that_counts_is_named() -> N
     base = time_base(replace(recording, config=replace(recording.config, trigger=trigger)), "DAQ")
     (told,) = (finding for finding in base.findings if finding.code == "angle_told_twice")
     assert told.severity == "warning"
-    assert "is that of 'Z' (trigger), which nominal_angle_deg is of; 'encoder_a' (encoder_a) on the same" in told.text
-    assert told.text.endswith('what does not count, or quantity = "index" under one pulse per turn beside an encoder')
+    assert (
+        "is taken from 'Z' (trigger), to which nominal_angle_deg refers; 'encoder_a' (encoder_a) on the same"
+        in told.text
+    )
+    assert told.text.endswith(
+        'any that does not count, or quantity = "index" under one pulse per turn beside an encoder'
+    )
     alone = wheel_recording(wheel, channels[0], pulse)
     assert "angle_told_twice" not in {row.code for row in time_base(alone, "DAQ").findings}
 

@@ -448,7 +448,7 @@ def test_a_pump_in_which_nothing_rubs_under_load_is_told(record, moved, told):
     assert bool(found) == told
     if told:
         assert found[0].code == "no_load_friction"
-        assert "the line pressure reads too much or the torque too little" in found[0].text
+        assert "the line pressure reads too high or the torque too low" in found[0].text
     assert frictionless_findings([row for row in rows if row.name != "pin_arm"]) == ()
     assert all(one.code != "no_load_friction" for one in record.findings)
 

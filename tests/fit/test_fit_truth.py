@@ -249,7 +249,7 @@ def test_a_recording_that_stays_unexplained_says_where():
     assert not record.explained
     finding = next(row for row in record.findings if row.code == "unexplained")
     assert finding.severity == "error"
-    assert "not to be relied on" in finding.text
+    assert "do not rely on" in finding.text
     largest = record.bumps[0]
     assert largest.start < 4.0 < largest.stop
     assert largest.peak == pytest.approx(1.5, abs=0.4)

@@ -97,7 +97,7 @@ def test_a_crowned_foot_that_slides_is_no_roller_of_strange_size(bench: Path):
 
 def test_a_turned_lift_table_is_refused(bench: Path):
     change_lift(bench, lambda lift: np.roll(lift, 90))
-    with pytest.raises(Refusal, match=r"the lift rises from 9\d to 14\d degrees; the lift table is turned"):
+    with pytest.raises(Refusal, match=r"the lift rises from 9\d to 14\d degrees; the lift table is shifted in angle"):
         read(bench)
 
 

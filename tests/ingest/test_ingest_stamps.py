@@ -140,7 +140,7 @@ def test_rows_that_stand_there_twice_are_no_time_that_runs_back():
         ArraySource(np.insert(times, [4_000, 9_000], times[[4_000, 9_000]])), 10_000.0, "log"
     ).findings
     assert found.code == "time_repeated"
-    assert found.text.startswith("2 rows have the time of the one before: leave out those that stand there twice")
+    assert found.text.startswith("2 rows have the time of the one before: leave out those that are repeated")
 
 
 @pytest.mark.parametrize(

@@ -139,7 +139,7 @@ def test_a_rail_that_rings_more_than_the_pump_raises_it_is_told_and_not_refused(
     (found,) = (row for row in load_findings(recording, rung, rigid_torque(recording, rung)) if "rail" in row.text)
     assert (found.code, found.severity) == ("pressure_misplaced", "warning")
     assert "not while the plunger delivers" in found.text
-    assert "a rail may ring so, else check that both logs are of one run" in found.text
+    assert "a ringing rail may do this, else check that both logs are of one run" in found.text
 
 
 def test_a_rail_that_keeps_its_pressure_until_the_return_is_of_this_pump(aligned):

@@ -47,13 +47,13 @@ def test_an_explained_run_says_gap_cause_and_how_sure() -> None:
     assert "above the rigid model" in parts["The gap"]
     assert "The data need chamber and driveline." in parts["What closes it"]
     assert (
-        "They cannot tell whether they need friction; values stated of it suppose that it acts."
+        "They cannot tell whether they need friction; values given for it assume that it acts."
         in parts["What closes it"]
     )
-    assert "do as well without spring; what stands for it here is what sheet" in parts["What closes it"]
+    assert "do not need spring; values given for it are those of sheet" in parts["What closes it"]
     assert (
-        "Stretches of 20 deg, left out of a fit in turn, are predicted to a median of 0.2 % of the peak, the worst "
-        "(80 to 100 deg) to 0.7 %." in parts["How sure"]
+        "Stretches of 20 deg, left out of a fit in turn, are predicted with a median error of 0.2 % of the "
+        "peak, the worst (80 to 100 deg) with 0.7 %." in parts["How sure"]
     )
     assert "Absolute torque: ±0.42 % of the peak (k = 1;" in parts["How sure"]
     assert "Not ruled out: spill (10 %)" in parts["How sure"]
@@ -99,7 +99,9 @@ def test_an_input_with_errors_or_doubts_asks_to_look_closer(code: str, severity:
 
     head = verdict(found(severity))
     assert (head["level"], head["head"]) == ("look", "Look closer")
-    assert head["text"].endswith(f" What it rests on is doubtful ({text}): see the findings before using the values.")
+    assert head["text"].endswith(
+        f" Something it rests on is in doubt ({text}): see the findings before using the values."
+    )
     assert verdict(found("info"))["level"] == "good"
 
 
@@ -112,8 +114,9 @@ def test_the_gap_adds_up_in_words() -> None:
     ]
     doc = {**doc, "gap_by_cause": {"causes": causes, "total": {"forward_nm": 5.875, "return_minimum_nm": -5.875}}}
     text = closing_text(doc)
-    assert "Forward stroke, +5.88 N m: pressure +4.00, bearing +1.00, guide +0.50, all else +0.25; +0.12 left" in text
-    assert "At the minimum of the return, measured less rigid, −5.88 N m: pressure −4.00" in text
+    forward = "pressure +4.00, bearing +1.00, guide +0.50, all else +0.25; +0.12 left"
+    assert f"Forward stroke, measured − rigid, +5.88 N m: {forward}" in text
+    assert "Return minimum, measured − rigid, −5.88 N m: pressure −4.00" in text
 
 
 @pytest.mark.parametrize(
@@ -281,12 +284,13 @@ def test_only_the_limits_that_are_missed_are_named() -> None:
 
 def test_held_out_cycles_test_the_noise_only_where_the_residual_is_noise() -> None:
     accuracy = {"shape_residual_percent": 0.05, "repeatability_percent": 0.04}
-    assert shape_text(accuracy).endswith("1.2 times what the cycles repeat (0.04 %).")
+    assert shape_text(accuracy).endswith("1.2 times the cycle repeatability (0.04 %).")
     accuracy["repeatability_percent"] = 0.045
     assert "test the noise" in shape_text(accuracy)
     assert "test the noise" not in shape_text(accuracy, stands_out=True)
     accuracy["repeatability_percent"] = 0.04
-    assert shape_text({**accuracy, "shape_residual_percent": 0.4}).endswith("10 times what the cycles repeat (0.04 %).")
+    large = {**accuracy, "shape_residual_percent": 0.4}
+    assert shape_text(large).endswith("10 times the cycle repeatability (0.04 %).")
 
 
 def test_bumps_of_an_explained_run_are_named() -> None:
@@ -342,7 +346,7 @@ def test_a_section_without_content_is_on_neither_page_nor_list(tmp_path: Path) -
 
 def test_a_stretch_that_alone_tells_what_acts_there_is_not_given_a_size():
     text = left_out_text([0.2] * 17 + [513.0])
-    assert text.endswith("0.2 % of the peak, but 340 to 360 deg not at all: what acts there, only these angles tell.")
+    assert text.endswith("0.2 % of the peak, but 340 to 360 deg not at all: only these angles show what acts there.")
     assert "513" not in text
 
 

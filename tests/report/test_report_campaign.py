@@ -347,7 +347,7 @@ def test_the_answer_names_what_is_not_explained_what_was_refused_and_what_drifts
     assert "lies 8 to 26 % above the rigid model" in parts["The gap"]
     assert "Of 2 shared parameters 1 are measured" in parts["How sure"]
     said = (
-        "The data need friction. They cannot tell whether they need damping; values stated of it suppose that it acts."
+        "The data need friction. They cannot tell whether they need damping; values given for it assume that it acts."
     )
     assert parts["Losses, by all recordings together"] == said
     assert parts["What to do"].startswith("Not explained: B; open its report first. 1 refused")
@@ -380,9 +380,9 @@ def test_the_headline_names_what_is_predicted_badly_with_its_highest_torque() ->
     held = [left_out("A", 0.17, 0.5), left_out("B", 5.46, 41.0), left_out("C", 0.28, -1.0)]
     doc = {"recordings": [{}, {}, {}], "n_refused": 0, "held_out": held, "findings": []}
     text = verdict_text(doc)
-    assert "2 of 3 recordings are met within 0.17 to 0.28 % of the peak torque (RMS)." in text
+    assert "2 of 3 recordings are matched within 0.17 to 0.28 % of the peak torque (RMS)." in text
     assert text.endswith("Predicted worse: B, 5.5 % of the peak (RMS), its highest torque 41 % too high.")
-    assert "1 of 2 recordings is met within 0.17 % of the peak" in verdict_text({**doc, "held_out": held[:2]})
+    assert "1 of 2 recordings is matched within 0.17 % of the peak" in verdict_text({**doc, "held_out": held[:2]})
 
 
 def test_an_unexplained_recording_is_in_the_headline_which_is_not_green(small: tuple[Path, CampaignResult]) -> None:
@@ -408,7 +408,7 @@ def test_a_recording_whose_report_asks_to_look_closer_does_so_on_the_page_of_the
     assert re.findall(r'">([^<]*)</a> <span class="tag warning">look closer', page) == ["run 1 #1 (id run 1 #1)"]
     assert 'class="verdict look"' in page
     assert "Look closer at run 1 #1 (id run 1 #1)." in verdict_text(doc)
-    assert "Look closer at run 1 #1 (id run 1 #1): why, the top of its report says." in campaign_answer(doc)[-1]["text"]
+    assert "Look closer at run 1 #1 (id run 1 #1): the top of its report says why." in campaign_answer(doc)[-1]["text"]
 
 
 def test_every_link_of_the_campaign_page_leads_somewhere(small: tuple[Path, CampaignResult]) -> None:

@@ -92,13 +92,13 @@ def test_triggers_that_are_declared_differently_are_told_once_and_as_no_change()
     (caution,) = compare_cautions({**document(), "sheets_differ": sheets})
     assert caution.startswith(f"{sheets[0]}; {sheets[1]}: each side has its own error of the trigger's angle")
     _, pump = compare_cautions({**document(), "sheets_differ": ["[pump] a is 1 in A, 2 in B", *sheets]})[::-1]
-    assert "comes out as a change of the pump" in pump
+    assert "shows up as a change of the pump" in pump
 
 
 def test_what_no_event_stands_for_is_said_to_be_that() -> None:
     """A coupling of .6 of the stiffness came out as a spring of 7 % more preload, 62 times what is allowed left."""
     far = {**document(), "verdict": "changed", "changed": [], "inflation": {"mean": [1.0], "difference": [62.0]}}
-    assert compare_answer(far).startswith("something that no event on the list stands for; those that come nearest: ")
+    assert compare_answer(far).startswith("something that no event on the list describes; the nearest are: ")
     (caution,) = compare_cautions(far)
     assert caution.startswith("No event on the list explains the difference: they leave 62 times what these recordings")
     assert caution.endswith("take events as those that come nearest, and no more.")

@@ -217,7 +217,7 @@ def test_a_step_of_the_model_is_not_scaled_up(
     assert torque is None or found.torque == pytest.approx(np.full(4, torque)), "the middle of what may be"
     texts = step_text(found)
     assert len(texts) == steps
-    assert not texts or "Do not build on the torque at 477.5 rpm" in texts[0]
+    assert not texts or "Do not rely on the torque at 477.5 rpm" in texts[0]
 
 
 def test_what_the_error_of_the_laws_is_not_added_to_is_as_unsure_as_the_fit_states(
@@ -584,7 +584,7 @@ def test_the_lift_correction_goes_with_the_fitted_cam_and_with_no_other(
     predict_flow.predict_from(tmp_path, [500.0], **options)
     assert (taken[0].lift is lift) == kept
     texts = assumptions(taken[0], FittedAt("a", 50.0, "land", 0.1, True), "that of a", "", None)
-    assert any("corrected by up to 2 µm, as all fitted recordings ask for" in text for text in texts) == kept
+    assert any("corrected by up to 2 µm, as all fitted recordings require" in text for text in texts) == kept
     exact = replace(taken[0], lift=replace(lift, values=np.zeros(4)))
     said = assumptions(exact, FittedAt("a", 50.0, "land", 0.1, True), "that of a", "", None)
     assert not any("The lift table is corrected" in text for text in said), "by up to 0 µm"

@@ -138,16 +138,16 @@ def ripple_text(spec: TriggerSpec, torque: Array | None, speed: float) -> str:
     (`angle_correction`); J is not on the sheet, so its product with the angle is given.
     """
     text = (
-        "one pulse per revolution does not show how the speed varies within it: 1 % of order n moves the cam angle by "
-        "0.57 / n degrees"
+        "one pulse per revolution does not show how the speed varies within it: 1 % ripple of order n moves the cam "
+        "angle by 0.57 / n degrees"
     )
     if torque is not None:
         moved = np.degrees(np.max(np.abs(angle_correction(torque, speed, spec.nominal_angle, inertia=1.0))))
         text += f"; the measured torque moves it by 1 degree at most on a drive of {moved:.2g} kg m^2, less on heavier"
     return text + (
-        "; the driveline of the fit rebuilds it from the torque; where it moves the two flanks "
-        f"of the spring more than {APART_DEG['spring']:g} degrees apart, or spring and delivery {APART_DEG['all']:g} "
-        "degrees, a warning says so"
+        "; the fitted driveline rebuilds it from the torque; a warning is given where it moves the two "
+        f"spring flanks more than {APART_DEG['spring']:g} degrees apart, or spring and delivery {APART_DEG['all']:g} "
+        "degrees"
     )
 
 

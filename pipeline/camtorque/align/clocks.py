@@ -307,8 +307,8 @@ def mark_jumps(
     if odd:
         places = ", ".join(f"{t:.7g} s" for t in train.time[jump][:5])
         text = (
-            f"{odd} pulse period{'s differ' if odd > 1 else ' differs'} from both neighbours as no shaft can run: "
-            "samples or pulses were lost or the clock set, the cycles there are cut out"
+            f"{odd} pulse period{'s differ' if odd > 1 else ' differs'} from both neighbours more than a shaft "
+            "can: samples or pulses were lost, or the clock was reset; the cycles there are cut out"
         )
         findings.append(Finding("clock_jump", "warning", text, f"near {places}"))
     for clock in clocks.values():

@@ -117,7 +117,7 @@ def _refuse_speed(recording: Recording, told: float) -> None:
         return
     times = f", {off:.0f} times {'that' if told < nominal else 'less'}" if off > 2.0 else ""
     raise Refusal(
-        f"{recording.config.id}: the channels tell a cam speed of {told:.4g} rpm, the nominal speed is {nominal:.4g} "
+        f"{recording.config.id}: the channels give a cam speed of {told:.4g} rpm, the nominal speed is {nominal:.4g} "
         f"rpm{times}; expected {SLOWEST:g} to {FASTEST:g} rpm, off by less than a factor of {MOST_OFF:g}; correct the "
         "sample rate (Hz, not kHz), pulses_per_rev or the nominal speed"
     )
@@ -159,7 +159,7 @@ def _rare(found: CamCycles) -> tuple[Finding, ...]:
     if used >= LEAST_USED * found.cycles_found:
         return ()
     # cycles that reach no end of a range are those of the lowest load, at any scatter of it
-    code, then = "few_cycles_used", "are the used ones the running that is meant?"
+    code, then = "few_cycles_used", "do the used ones represent the intended running?"
     if worst.reason.endswith("_clipped"):
         code, then = "low_cycles_used", "the used ones are those of the lowest peaks; record within the range"
     text = (

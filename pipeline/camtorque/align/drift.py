@@ -40,8 +40,8 @@ STEP_SAMPLES = 1 << 18
 
 
 ADVICE = {
-    "torque": "the transducer's zero drifts or the pump still warms up; drag and work of the mean cycle hold half of "
-    "that; warm up before recording, and note the zero at standstill before and after",
+    "torque": "the transducer's zero drifts or the pump still warms up; drag and work of the mean cycle contain half "
+    "of it; warm up before recording, and note the zero at standstill before and after",
     "pressure": "the load was not settled or the sensor drifts; the mean cycle is used for all; record once it is "
     "steady",
 }
@@ -115,7 +115,7 @@ def size_findings(torque: tuple[Array, Array], pressure: tuple[Array, Array], in
     grown = f"{'+' * (drift > 0.0)}{short(100.0 * drift, 2)} %"
     text = (
         f"the torque of a cycle changes by {grown} during the recording, its line pressure does not: the gain of "
-        "transducer or amplifier drifts, or friction does; the fit meets a mean cycle whose size is that of no time; "
+        "transducer or amplifier drifts, or friction does; the fitted mean cycle has the size of no single moment; "
         "warm up, check supply and plugs, record again"
     )
     return (Finding("torque_size_drifts", "warning", text, "torque"),)

@@ -81,7 +81,7 @@ def hum_findings(
     _, frequency, size, stderr, coherence = max(found, key=lambda row: row[0])
     stays = coherence > LOCKED
     fate = (
-        "the speed is synchronous with the mains, so that it stays in the mean cycle; earth and shield the cable, or "
+        "the speed is synchronous with the mains, so the hum stays in the mean cycle; earth and shield the cable, or "
         "record at a speed that is no submultiple of the mains frequency"
         if stays
         else f"its phase drifts over the cycles, so {100.0 * coherence:.0f} % of it stay in the mean cycle"

@@ -190,8 +190,8 @@ def _lost(quantity: str, moved: float, moment: float, table: CycleTable, first: 
         "samples_lost", "warning",
         f"from {short(moment, 7)} s on the {quantity} comes {short(abs(moved) / DEGREE)} degrees of cam angle "
         f"({short(1e3 * abs(moved) / float(np.median(table.speed)), 3)} ms) {'later' if moved > 0.0 else 'earlier'} "
-        "than before, by a shift alone: a log lost samples there or its clock was set; "
-        f"the {kept} cycles before it are used, where the logs still have one time",
+        "than before, a pure shift: a log lost samples there or its clock was reset; "
+        f"only the {kept} cycles before it are used, where the logs still agree in time",
         quantity,
     )  # fmt: skip
 

@@ -155,7 +155,7 @@ def _turned(recording: Recording, mean: float, straight: float) -> Finding:
     declared = "positive" if recording.config.rotation > 0 else "negative"
     text = (
         f"the torque reads {mean:+.2f} N m on average and falls while the pressure resists the rising lift "
-        f"(correlation {straight:+.2f}): its sign was turned, positive is driving the pump; either the transducer is "
+        f"(correlation {straight:+.2f}): its sign was reversed, positive drives the pump; either the transducer is "
         f'wired the other way, or rotation = "{declared}" is wrong, which also turns the side forces of a follower '
         "with an offset"
     )

@@ -174,7 +174,7 @@ CUTS: dict[str, tuple[Callable[[CycleTable], Mask], str]] = {
     "incomplete": (lambda table: ~table.complete, "the recording of a channel begins or ends inside the cycle"),
     "clock_jump": (lambda table: table.clock_jump, "a logger's clock jumps inside the cycle"),
     "missed_trigger": (
-        lambda table: table.unproven, "a trigger pulse of the cycle is missing and the neighbours do not prove it"),
+        lambda table: table.unproven, "a trigger pulse of the cycle is missing and the neighbours do not show where"),
     "drop_out": (_drop_out, "samples are missing, or a channel stands still"),
     "pressure_clipped": (_clipped("pressure"), "the pressure stands at the end of its output range or at a flat top"),
     "torque_clipped": (_clipped("torque"), "the torque stands at an end of its output range or at a flat top"),
@@ -200,14 +200,14 @@ def changed_running(table: CycleTable, time: Array) -> tuple[Finding, ...]:
     if np.ptp(far) + 1 == far.size:
         text = (
             f"{far.size} of {looked.size} cycles, those from {begin} s to {end} s, are outliers and no other is: load, "
-            "speed or state changed there; this report is of the rest; record each running by itself"
+            "speed or state changed there; this report covers the rest; record each state separately"
         )
         return (Finding("running_changes", "warning", text, "cut-flow"),)
     if far.size >= OTHER_WAY * looked.size:
         text = (
             f"{far.size} of {looked.size} cycles, here and there between {begin} s and {end} s, are outliers: the pump "
-            "runs in more than one way, as where what is left in the line differs from stroke to stroke; this report "
-            "is of the way that most cycles go; another load or speed may run evenly"
+            "runs in more than one way, as when the pressure left in the line differs from stroke to stroke; "
+            "this report covers what most cycles do; another load or speed may run evenly"
         )
         return (Finding("running_alternates", "warning", text, "cut-flow"),)
     return ()

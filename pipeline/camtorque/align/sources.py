@@ -70,9 +70,9 @@ def _passed_over(recording: Recording, used: Channel) -> tuple[Finding, ...]:
         return ()
     beside = ', or quantity = "index" under one pulse per turn beside an encoder' if used.quantity == "trigger" else ""
     text = (
-        f"the cam angle is that of {used.name!r} ({used.quantity}), which nominal_angle_deg is of; {', '.join(others)} "
-        f"on the same logger would tell it as well and {'are' if len(others) > 1 else 'is'} not used: write used = "
-        f"false under what does not count{beside}"
+        f"the cam angle is taken from {used.name!r} ({used.quantity}), to which nominal_angle_deg refers; "
+        f"{', '.join(others)} on the same logger could give it too and {'are' if len(others) > 1 else 'is'} not used: "
+        f"write used = false under any that does not count{beside}"
     )
     return (Finding("angle_told_twice", "warning", text, used.where),)
 

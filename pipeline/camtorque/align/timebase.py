@@ -282,8 +282,8 @@ def by_few_teeth(base: TimeBase, where: str) -> TimeBase:
         return base
     text = (
         f"{shown} pulses per turn of the cam do not show how the speed varies within it, {int(LEAST_PULSES)} or more "
-        "do: the cam angle is that of the one at nominal_angle_deg, at even speed in between; when the others pass "
-        "tells a fit how far the shaft swings"
+        "do: the cam angle is that of the one at nominal_angle_deg, at even speed in between; the times of the "
+        "others show a fit how far the shaft swings"
     )
     finding = Finding("few_teeth", "info", text, where)
     return replace(

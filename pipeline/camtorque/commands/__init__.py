@@ -22,14 +22,14 @@ COMMANDS: dict[str, str] = {
     "fit": "one recording fitted with your own bounds and ties, by lmfit",
     "compare": "two recordings of one pump, before and after: what changed",
     "plan": "the cheapest next recordings for one number",
-    "watch": "a look at each block of a test while it runs",
+    "watch": "check each block of a test while it runs",
     "limits": "reports held against bands: pass or fail",
     "export": "tables of a report for other programs; trends",
-    "verify": "whether the files of an output are as they were written",
+    "verify": "check that the files of an output are unchanged",
     "predict": "torque and forces of a pump from its sheet, or of a run not made, from a fit",
     "design": "a better cam for a pump: Pareto front, lift table",
     "study": "speed charted against accuracy; stability where methods fail",
-    "completion": "lines that teach a shell to complete commands",
+    "completion": "tab completion for a shell",
 }
 """Every command in the order of the help, with its help; what does it is the module of its name."""
 

@@ -70,7 +70,7 @@ def flag(help: str) -> Option:
 
 def out(otherwise: str = "") -> dict[str, Option]:
     """Return the option of the output folder, required where nothing is written otherwise."""
-    text = "folder to be written" + (f" (default {otherwise})" if otherwise else "")
+    text = "output folder" + (f" (default {otherwise})" if otherwise else "")
     return {"--out": option("DIR", text, required=not otherwise)}
 
 
@@ -87,7 +87,7 @@ TOLERANCE = {
 ARGUMENTS: dict[str, dict[str, Option]] = {
     "new": {
         "files": option("FILE", "logs of one recording", nargs="+"),
-        "--like": option("RECORDING", "recording or pump file whose pump, trigger and sensors it takes"),
+        "--like": option("RECORDING", "recording or pump file to copy pump, trigger and sensors from"),
         **out("the folder of the first log"),
     },
     "check": RECORDING,
@@ -103,7 +103,7 @@ ARGUMENTS: dict[str, dict[str, Option]] = {
         "--workers": option("N", "processes (default: as many as processors)", whole(1)),
         "--scheduler": option("URL", "running Dask scheduler, tcp://host:8786", str, default=""),
         "--cluster": option("FILE", "batch system to ask for workers (docs/campaigns.md)"),
-        "--only": option("NAME", "one recording by its name of --list; no joint fit", str),
+        "--only": option("NAME", "one recording by its name in --list; no joint fit", str),
         "--list": flag("name, status and key of every recording; nothing is computed"),
         "--prune": flag("remove results of older inputs, options and versions"),
         "--retry-failed": flag("compute again what was refused before"),
@@ -122,7 +122,7 @@ ARGUMENTS: dict[str, dict[str, Option]] = {
         "fit": option("RESULT", "campaign.json, result.json, or the folder that holds it"),
         "--target": option("TEXT", "number and wanted standard uncertainty, such as 'chamber_peak 0.5 %%' or "
                            "'leakage 0.05'", str, required=True),
-        "--no-tooth": flag("a second tooth cannot be fitted"),
+        "--no-tooth": flag("the rig cannot take a second tooth"),
         "--speed": option("RPM", "speeds that the rig can run (default: 0.7 to 1.45 times the middle of the fitted "
                           "ones)", SPEED, nargs="+", default=[]),
         **out("none: the table alone"),
@@ -140,7 +140,7 @@ ARGUMENTS: dict[str, dict[str, Option]] = {
     "export": {
         **RESULTS,
         "--out": option("DIR", "folder to be written (default tables)", default=Path("tables")),
-        "--format": {"choices": FORMATS, "default": "csv", "help": "of the tables (default csv)"},
+        "--format": {"choices": FORMATS, "default": "csv", "help": "format of the tables (default csv)"},
         "--trend": flag("one row per report, and a figure over date and speed"),
     },
     "verify": {"folder": option("DIR", "folder that a command wrote")},

@@ -128,8 +128,8 @@ def contradiction_findings(contradicted: float) -> tuple[Finding, ...]:
         Finding(
             "recordings_contradict", "warning",
             f"{100.0 * contradicted**2:.0f} % of the residual's variance comes from fitting the recordings together: "
-            "each alone is met, all together are not; a law is missing or the pump changed between them, and the "
-            "intervals of the shared parameters reach to what each recording says alone",
+            "each is matched alone, but not all together; a law is missing or the pump changed between them, and the "
+            "intervals of the shared parameters are widened to cover what each recording gives alone",
         ),
     )  # fmt: skip
 
@@ -137,7 +137,7 @@ def contradiction_findings(contradicted: float) -> tuple[Finding, ...]:
 def aside_findings(excluded: Sequence[str], unexplained: Sequence[str]) -> tuple[Finding, ...]:
     """Return a warning on each recording that the joint fit is made without, and on each that it does not explain."""
     out = f"does not fit the others (more than {EXCLUSION_FACTOR:.0f} times their misfit); excluded from the joint fit"
-    left = "the joint fit leaves more of {} than its cycles repeat: predictions take nothing from it"
+    left = "the joint fit misses {} by more than its cycles scatter: predictions do not use this recording"
     return (
         *(Finding("recording_excluded", "warning", f"{name} {out}", name) for name in excluded),
         *(Finding("joint_unexplained", "warning", left.format(name), name) for name in unexplained),

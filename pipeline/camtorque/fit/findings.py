@@ -51,8 +51,8 @@ def prior_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ..
             text = (
                 f"{name.replace('_', ' ')}{f' of {recording}' if recording else ''} is {value}"
                 f"{', at its bound,' if row.at_bound else ','} {abs(pull):.1f} standard deviations off what was "
-                f"expected ({expected}; {row.source}): either this bench has it so, or it stands in for something "
-                f"that the model lacks{LIKE_A_ZERO if name in STEADY_DRAGS and pull > 0.0 else ''}"
+                f"expected ({expected}; {row.source}): either this bench really differs, or the value makes up for "
+                f"something that the model lacks{LIKE_A_ZERO if name in STEADY_DRAGS and pull > 0.0 else ''}"
             )
             result.append(Finding("prior_pulled", "warning", text, row.name))
     return tuple(result)
@@ -78,7 +78,7 @@ def mounting_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding,
             text = (
                 f"the trigger lies {short(abs(row.value) - edge)} {row.unit} beyond its mounting tolerance of +-"
                 f"{short(edge)} {row.unit}: measure where its mark is; nominal_angle_deg, the edge that counts or the "
-                "angles of the lift table may be others"
+                "angles of the lift table may be wrong"
             )
             result.append(Finding("trigger_beyond_tolerance", "warning", text, row.name))
     return tuple(result)
@@ -101,7 +101,7 @@ def implausible_findings(parameters: Sequence[ParameterEstimate], explained: boo
     met = "the model meets the recording, but some values" if explained else "some values"
     text = (
         "the values together lie farther from what was expected than on one bench in a thousand (chiefly "
-        f"{chief} standard deviations off): {met} may stand in for a property of pump or bench that it lacks"
+        f"{chief} standard deviations off): {met} may make up for a property of pump or bench that the model lacks"
     )
     return (Finding("values_implausible", "warning", text, worst[0]),)
 
@@ -114,7 +114,7 @@ def light_cam_findings(parameters: Sequence[ParameterEstimate], cam_inertia: flo
     text = (
         f"the shaft rings as if {short(row.value)} {row.unit} sat on it ({short(row.ci95[1])} at most), less than the "
         f"cam alone has by the sheet ({short(cam_inertia * 1.0e6)}): compliance, damping and inertia of the shaft are "
-        "not to be relied on, they stand in for something between cam and logger; check cam_inertia_kg_m2, cutoff_hz "
+        "not to be relied on: they make up for something between cam and logger; check cam_inertia_kg_m2, cutoff_hz "
         "and filters of the logger"
     )
     return (Finding("cam_side_too_light", "warning", text, row.name),)
@@ -129,8 +129,8 @@ def frictionless_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Find
         return ()
     most = ", ".join(f"{short(row.ci95[1], 2)} {row.unit}".removesuffix(" -") for row, _ in rows)
     text = (
-        f"bearings, pin and guide do not rub under load (at most {most}), as in no pump: the line pressure reads "
-        "too much or the torque too little; check the sensitivities and dates of both certificates, and "
+        f"bearings, pin and guide show no friction under load (at most {most}), unlike any pump: the line pressure "
+        "reads too high or the torque too low; check the sensitivities and dates of both certificates, and "
         "plunger_diameter_m"
     )
     return (Finding("no_load_friction", "warning", text, "friction"),)
@@ -150,7 +150,7 @@ def table_findings(table: CamTable) -> tuple[Finding, ...]:
     text = (
         f"the lift table scatters by {scatter * 1e6:.2f} um about a smooth curve, rounding to "
         f"{table.resolution * 1e6:g} um alone gives {table.resolution * 1e6 / np.sqrt(12.0):.2f} um; "
-        "it is smoothed by its scatter"
+        "it is smoothed to match its scatter"
     )
     return (Finding("lift_scatter", "info", text),)
 
@@ -162,8 +162,8 @@ def spill_findings(parameters: Sequence[ParameterEstimate], top: float) -> tuple
             continue
         text = (
             f"a spill port that opens at {short(row.value)} ± {short(row.stderr, 1)} {row.unit} is hardly reached by a "
-            f"lift of {short(1e3 * top, 4)} mm: it may as well be that nothing ends the delivery, and that something "
-            "else gives way at the top, such as a delivery valve that closes late"
+            f"lift of {short(1e3 * top, 4)} mm: perhaps no spill ends the delivery and something else gives "
+            "way at the top, such as a delivery valve that closes late"
         )
         return (Finding("spill_at_the_top", "warning", text, row.name),)
     return ()
@@ -176,7 +176,7 @@ def stress_findings(hertz: Array) -> tuple[Finding, ...]:
     at = f"{360.0 * int(np.nanargmax(hertz)) / hertz.size:.0f} deg"
     text = (
         f"the Hertz pressure reaches {1e-9 * np.nanmax(hertz):.3g} GPa at {at}, no steel bears more than "
-        f"{1e-9 * HERTZ_POSSIBLE:g}: check the lift table there, whose second differences make it, and the radii of "
+        f"{1e-9 * HERTZ_POSSIBLE:g}: check the lift table there (its second differences set it) and the radii of "
         "cam and roller"
     )
     return (Finding("contact_stress_impossible", "warning", text, at),)
@@ -186,13 +186,13 @@ def sheet_findings(doubts: Sequence[SheetDoubt], pump: PumpData) -> tuple[Findin
     """Return the finding on what torque and pressure would have otherwise than stated, the likeliest first."""
     if not doubts:
         return ()
-    asked_for = ", or nearly as well for ".join(_otherwise(doubt, pump) for doubt in doubts)
+    asked_for = ", or nearly as well to ".join(_otherwise(doubt, pump) for doubt in doubts)
     alike = {**dict.fromkeys(SIZES, "plunger, lift and both gains"), **dict.fromkeys(DELAYS, "the two delays")}
     named = alike.get(doubts[0].quantity)
     like = f" ({named} can stand in for one another)" if named else ""
     text = (
-        f"torque and pressure contradict what is stated: they ask for {asked_for}{like}. In the fit friction and "
-        "delivery valve make up for it: check that before chamber pressure and losses are relied on"
+        f"torque and pressure contradict the sheet: they point to {asked_for}{like}. In the fit, friction and "
+        "delivery valve make up for it: check it before relying on chamber pressure and losses"
     )
     return (Finding("sheet_contradicted", "warning", text, doubts[0].quantity),)
 
@@ -234,14 +234,14 @@ def fit_findings(fit: Fit, least_guide: float, lost: Mask, unexplained: float | 
         text = (
             f"on the base circle the torque repeats itself {order} times a revolution (amplitude "
             f"{short(float(np.hypot(*coefficients[ON_CAM + 1 :])))} N m): teeth of a gear or a belt, or poles of the "
-            "motor; the fit holds it as ripple of the drive, the same all around"
+            "motor; the fit treats it as drive ripple, the same all round"
         )
         result.append(Finding("drive_ripple", "info", text, "torque"))
     if np.any(lost):
         angle = 360.0 / lost.size * int(np.argmax(lost))
         result.append(Finding("contact_lost", "warning", f"the follower leaves the cam near {angle:.0f} deg"))
     if least_guide < 0.5:
-        text = f"mu tan(phi) reaches {1.0 - least_guide:.2f}; the guide jams at 1"
+        text = f"mu tan(phi) reaches {1.0 - least_guide:.2f}; the guide jams at 1: check lift table and offset"
         result.append(Finding("guide_near_jamming", "warning", text))
     second = _second(fit.candidates, fit.probabilities)
     if second is not None:
@@ -255,21 +255,21 @@ def _met_findings(fit: Fit, unexplained: float | None) -> list[Finding]:
     result = []
     if unexplained is not None:
         text = (
-            f"the model leaves {unexplained:.2f} % of the peak unexplained, far above what the cycles repeat: values "
-            "and intervals of this recording are not to be relied on"
+            f"the model leaves {unexplained:.2f} % of the peak unexplained, far above the cycle repeatability: do not "
+            "rely on values and intervals of this recording"
         )
         result.append(Finding("unexplained", "error", text))
     moves = 0.0 if fit.solution.converged else _moves(fit)
     if moves > MAY_MOVE:
         text = (
-            "the search ended before its minimum, along a direction that the data hardly tell: values that are mixed "
+            "the search stopped short of its minimum, where the data hardly determine it: values that are mixed "
             f"up may still move by up to {moves:.1f} of their standard uncertainty"
         )
         result.append(Finding("not_converged", "warning", text))
     if fit.covariance.inflation > 1.0:
         text = (
-            "the residual exceeds the scatter of the cycles and the admitted model error, 0.1 % of the torque at each "
-            f"angle; the uncertainties are widened by {np.sqrt(fit.covariance.inflation):.2f}"
+            "the residual exceeds the scatter of the cycles and the allowed model error (0.1 % of the torque at each "
+            f"angle); the uncertainties are widened by a factor of {np.sqrt(fit.covariance.inflation):.2f}"
         )
         result.append(Finding("model_discrepancy", "info", text))
     return result

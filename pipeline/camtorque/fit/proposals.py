@@ -63,7 +63,7 @@ def next_measurement(fit: Fit, measuring: Measuring, seconds: float, has_teeth: 
         gains = sorted((float(after[names.index(name)] / today[names.index(name)]), name) for name in watched)
         told = [f"{name.replace('_', ' ')} to {100.0 * share:.0f} %" for share, name in gains if share < WORTH]
         if told:
-            texts.append(f"{title} would reduce the uncertainty of {', '.join(told[:3])} of the present one")
+            texts.append(f"{title} would reduce today's uncertainty of {', '.join(told[:3])}")
     return tuple(texts)
 
 

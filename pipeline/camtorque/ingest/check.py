@@ -265,7 +265,7 @@ def _speed(times: Array, config: RecordingConfig) -> float:
 
 
 def speed_findings(
-    speed: float, config: RecordingConfig, where: str, teller: str = "the pulses tell"
+    speed: float, config: RecordingConfig, where: str, teller: str = "the pulses give"
 ) -> tuple[Finding, ...]:
     """Tell a cam speed [rad/s] that is far from the nominal one: of pulses that are not one a turn, or a wrong rate."""
     if abs(speed / config.nominal_speed - 1.0) <= SPEED_TOLERANCE:
@@ -280,7 +280,7 @@ def angle_speed_findings(recording: Recording, speed: float) -> tuple[Finding, .
         row
         for channel in recording.of("angle")
         for row in speed_findings(
-            speed, recording.config, f"{channel.path.name} {channel.name}", "angle and sample_rate_hz tell"
+            speed, recording.config, f"{channel.path.name} {channel.name}", "angle and sample_rate_hz give"
         )
     )
 

@@ -69,7 +69,7 @@ def check_trigger(config: RecordingConfig, table: CamTable) -> list[Finding]:
     lift = [table.at(at + shift) for shift in (-step, step)]
     where = f"{config.path} [trigger] nominal_angle_deg"
     said = f"{np.degrees(trigger.stated_angle):g} degrees is said to be the {trigger.meaning!r}"
-    hint = "the lift table is turned or the angle is wrong"
+    hint = "the lift table is shifted in angle, or the angle is wrong"
     if not np.any(lift[1] - lift[0] > 4.0 * table.resolution):
         grid = np.radians(np.arange(0.0, 360.0, 1.0))
         rise = np.diff(table.at(np.append(grid, grid[0] + 2.0 * np.pi)))
@@ -134,8 +134,8 @@ def wrapped_findings(channel: Channel) -> tuple[Finding, ...]:
         return ()
     text = (
         f"the {channel.quantity} jumps through its whole range within one sample, {there} times up and {back} times "
-        "down in the samples looked at, as counts do that ran over their 8 or 16 bits: a smaller gain, or an export in "
-        "wider numbers; record or export it again"
+        "down in the samples looked at, as counts do when 8 or 16 bits overflow: use a smaller gain or export wider "
+        "numbers; record or export it again"
     )
     return (Finding("values_wrap", "error", text, f"{channel.path.name} {channel.name}"),)
 

@@ -258,7 +258,7 @@ def _outlying(path: Path, applied: Array, volts: Array, slope_of_all: float) -> 
     moved = 100.0 * (slope_of_all / slope - 1.0)
     text = (
         f"point {place + 1} of the certificate lies {off / span:.2g} % of the range off the line through the others, "
-        f"which scatter by {scatter / span:.2g} %; a slip of the pen? It counts, and moves the sensitivity by "
+        f"which scatter by {scatter / span:.2g} %; a typing error? It is included, and moves the sensitivity by "
         f"{moved:+.2g} %"
     )
     return (Finding("certificate_point", "warning", text, path.name),)

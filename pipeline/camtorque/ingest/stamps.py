@@ -225,7 +225,7 @@ def _not_of_one_stamp(index: np.ndarray, size: Array, step: float) -> np.ndarray
 
 def _stamp_findings(damaged: int, strays: int, where: str) -> list[Finding]:
     rows = (
-        ("time_stamp_damaged", damaged, "time stamp is damaged", "time stamps are damaged", "what is near carries on"),
+        ("time_stamp_damaged", damaged, "time stamp is damaged", "time stamps are damaged", "the neighbours are used"),
         ("time_stamps_stray", strays, "time step is odd", "time steps are odd",
          "time stays where it was: the stamps scatter, the samples are taken as equidistant"),
     )  # fmt: skip
@@ -243,7 +243,7 @@ def break_findings(index: np.ndarray, size: Array, step: float, where: str) -> l
         (forward, "time_gap", "gap in time", "gaps in time"),
         (~forward & ~back & ~twice, "time_short_step", "step that is too short", "steps that are too short"),
         (twice, "time_repeated", "row has the time of the one before and may stand there twice",
-         "rows have the time of the one before: leave out those that stand there twice"),
+         "rows have the time of the one before: leave out those that are repeated"),
         (back & ~twice, "time_not_monotonic", "place where time runs back", "places where time runs back"),
     )  # fmt: skip
     for chosen, code, one, many in rows:

@@ -113,7 +113,7 @@ def _without_date(config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel]
                 Finding(
                     "start_without_date", "warning",
                     f"no date of its start, which {first_of(tuple(dated), 3)} on the same clock has: its time counts "
-                    "from the earliest of those; if it began at another time, say start_time_s of its channels", name,
+                    "from the earliest of those; if it began at another time, give start_time_s for its channels", name,
                 )
                 for name in dateless
             ]  # fmt: skip

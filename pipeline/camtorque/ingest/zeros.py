@@ -153,7 +153,7 @@ def apart_findings(readings: Readings, tolerance: float, sheet: Sheet) -> list[F
     (before, after), unit = readings.values, readings.unit
     text = (
         f"the zero was {before:g} {unit} before and {after:g} {unit} after the run, {abs(after - before):.3g} {unit} "
-        f"apart; the sheet allows it {tolerance:.3g} {unit} to either side: one reading is of another state or sensor, "
+        f"apart; the sheet allows {tolerance:.3g} {unit} either way: one reading is from another state or sensor, "
         "or the sensor drifts; their mean is used"
     )
     return [Finding("zero_readings_apart", "warning", text, sheet.place)]

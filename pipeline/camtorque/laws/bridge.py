@@ -16,12 +16,12 @@ ROWS = (
     parameter("bending_cosine", "a_c", "um", 1.0e-6, (0.0, -1000.0, 1000.0, 10.0), (0.0, 30.0),
             "arm at which the bridge feels the contact load at cam angle 0", "0.1-1 % of 10-30 mm"),
     parameter("bending_sine", "a_s", "um", 1.0e-6, (0.0, -1000.0, 1000.0, 10.0), (0.0, 30.0),
-            "the same a quarter of a turn later", "0.1-1 % of 10-30 mm"),
+            "arm at which the bridge feels the contact load at cam angle 90 deg", "0.1-1 % of 10-30 mm"),
     parameter("turning_cosine", "T_c", "N m", 1.0, (0.0, -5.0, 5.0, 0.02), (0.0, 0.06),
             "torque that the bridge shows once a revolution, at cam angle 0",
             "weight, belt pull and misalignment: to 0.3 % of the nominal torque"),
     parameter("turning_sine", "T_s", "N m", 1.0, (0.0, -5.0, 5.0, 0.02), (0.0, 0.06),
-            "the same a quarter of a turn later", "to 0.3 % of the nominal torque"),
+            "torque that the bridge shows once a revolution, at cam angle 90 deg", "to 0.3 % of the nominal torque"),
 )  # fmt: skip
 
 

@@ -39,7 +39,7 @@ ROWS = (
     parameter("torque_zero", "T_0", "N m", 1.0, (0.0, -20.0, 20.0, 0.1), (0.0, 0.1),
             "error of the torque zero", "standstill readings, else tolerance as stated or assumed", "own"),
     parameter("delay_error", "d", "us", 1.0e-6, (0.0, -80.0, 80.0, 3.0), (0.0, 7.8),
-            "total delay of the torque channel less the declared one", "tolerance of the delay as stated or assumed"),
+            "total delay of the torque channel minus the declared one", "tolerance of the delay as stated or assumed"),
     parameter("cutoff", "f_c", "Hz", 1.0, (1000.0, 300.0, 5000.0, 50.0), (1000.0, 50.0),
             "-3 dB frequency of the transducer's low-pass", "data sheet; tolerance assumed 5 %"),
     parameter("filter_damping", "zeta", "-", 1.0, (0.707, 0.45, 1.1, 0.03), (0.75, 0.09),

@@ -140,7 +140,7 @@ def base_findings(cycles: CamCycles, rigid: RigidTorque, zero_std: float) -> tup
         return ()
     text = (
         f"on the base circle the torque is {short(level)} N m in the mean, where nothing drives the cam and drag only "
-        "makes it positive: the zero of the torque is off by as much at least, and so are friction and damping; check "
+        "makes it positive: the torque zero is off by at least that much, and friction and damping with it; check "
         "zero_before_V and zero_after_V, and rotation"
     )
     return (Finding("base_torque_negative", "warning", text, "torque"),)
@@ -156,7 +156,7 @@ def ratio_findings(ratio: float, pump: PumpData) -> tuple[Finding, ...]:
     side = "friction adds to it, and the chamber while it delivers" if ratio < USUAL[0] else "no friction adds so much"
     slow = ", whether a low-pass of amplifier or logger smooths the torque" if ratio < USUAL[0] else ""
     text = (
-        f"where the line pressure loads the cam most the measured torque is {ratio:.2f} of the rigid model's, sound "
+        f"where line pressure loads the cam most, the measured torque is {ratio:.2f} times the rigid model's; sound "
         f"pumps have 1.0 to 1.7 ({side}): check plunger_diameter_m ({diameter}), the lift "
         f"table, nominal_angle_deg, both sensitivities{slow}, and that the logs are of one run"
     )
@@ -208,7 +208,7 @@ def _misplaced_findings(cycles: CamCycles, rigid: RigidTorque, pump: PumpData) -
     )
     if np.min(pressure) < HELD * np.max(pressure):
         raise Refusal(f"{text}; {checks}")
-    return (Finding("pressure_misplaced", "warning", f"{text}; a rail may ring so, else {checks}", "pressure"),)
+    return (Finding("pressure_misplaced", "warning", f"{text}; a ringing rail may do this, else {checks}", "pressure"),)
 
 
 def further_findings(cycles: CamCycles) -> tuple[Finding, ...]:

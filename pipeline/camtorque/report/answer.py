@@ -66,18 +66,18 @@ def gap_size(doc: Document) -> str:
     side = "above" if gap >= 0.0 else "below"
     return (
         f"The measured torque lies {significant(abs(gap))} % {side} the rigid model on the loaded forward stroke. On "
-        f"the return stroke it falls to {with_decimals(rigid['return_min_measured_nm'], 1)} N m, the rigid model at "
-        f"its own lowest to {with_decimals(rigid['return_min_model_nm'], 1)} N m."
+        f"the return stroke it falls to {with_decimals(rigid['return_min_measured_nm'], 1)} N m; the rigid model's own "
+        f"minimum is {with_decimals(rigid['return_min_model_nm'], 1)} N m."
     )
 
 
-STRETCHES = {"forward": "Forward stroke", "return_minimum": "At the minimum of the return, measured less rigid"}
+STRETCHES = {"forward": "Forward stroke, measured − rigid", "return_minimum": "Return minimum, measured − rigid"}
 """Key of the gap by cause -> what it is of."""
 NAMED_CAUSES = 3
 SAID = (
     ("needed", "The data need", ""),
-    ("cannot tell", "They cannot tell whether they need", "; values stated of it suppose that it acts"),
-    ("not needed", "They do as well without", "; what stands for it here is what sheet and literature expect"),
+    ("cannot tell", "They cannot tell whether they need", "; values given for it assume that it acts"),
+    ("not needed", "They do not need", "; values given for it are those of sheet and literature"),
 )
 """Verdict on losses -> what the answer says before and after their names."""
 
@@ -141,8 +141,8 @@ def sureness_text(doc: Document) -> str:
     if accuracy["absolute_uncertainty_percent"] is not None:
         text += (
             f" Absolute torque: ±{significant(accuracy['absolute_uncertainty_percent'], 2)} % of the peak (k = 1; "
-            "gain, linearity and zero as stated or assumed), which no residual reveals; plunger, cam and spring are "
-            "taken as the sheet has them: 1 % of the plunger's diameter is 2 % of the torque of pressure."
+            "gain, linearity and zero as stated or assumed); no residual shows it. Plunger, cam and spring are taken "
+            "from the sheet: 1 % of the plunger's diameter is 2 % of the torque from pressure."
         )
     return f"{text} {known_text(rows)}{alternatives_text(doc)}"
 
@@ -153,12 +153,12 @@ def left_out_text(blocks: Sequence[float]) -> str:
     median, largest = statistics.median(blocks), blocks[worst]
     place = f"{with_decimals(worst * width, 0)} to {with_decimals((worst + 1) * width, 0)} deg"
     text = (
-        f"Stretches of {with_decimals(width, 0)} deg, left out of a fit in turn, are predicted to a median of "
+        f"Stretches of {with_decimals(width, 0)} deg, left out of a fit in turn, are predicted with a median error of "
         f"{significant(median, 2)} % of the peak, "
     )
     if largest > ALONE_PERCENT:
-        return f"{text}but {place} not at all: what acts there, only these angles tell."
-    return f"{text}the worst ({place}) to {significant(largest, 2)} %."
+        return f"{text}but {place} not at all: only these angles show what acts there."
+    return f"{text}the worst ({place}) with {significant(largest, 2)} %."
 
 
 def known_text(rows: Collection[Document], what: str = "parameters") -> str:
@@ -167,7 +167,7 @@ def known_text(rows: Collection[Document], what: str = "parameters") -> str:
     limits = f"{limited} have only an upper limit (their interval reaches the lower bound, mostly zero), "
     return (
         f"Of {len(rows)} {what} {measured} are measured, {limits if limited else ''}{narrowed} narrowed; the others "
-        "are no surer than sheet or literature had them."
+        "are known no better than from sheet or literature."
     )
 
 
@@ -176,7 +176,7 @@ def shape_text(accuracy: Document, stands_out: bool = False) -> str:
     shape, repeat = accuracy["shape_residual_percent"], accuracy["repeatability_percent"]
     text = f"Shape: the residual is {significant(shape, 2)} % of the peak on cycles that were not fitted"
     if repeat and (stands_out or shape > ABOVE_NOISE * repeat):
-        return f"{text}, {significant(shape / repeat, 2)} times what the cycles repeat ({significant(repeat, 2)} %)."
+        return f"{text}, {significant(shape / repeat, 2)} times the cycle repeatability ({significant(repeat, 2)} %)."
     repeated = significant(repeat, 2)
     return f"{text}; these repeat the fitted ones to {repeated} %, so they test the noise rather than the model."
 

@@ -121,7 +121,7 @@ MOST_IN_SIGHT = 30
 """Recordings beyond which the table is folded."""
 
 SOURCES_TEXT = (
-    "The name of a parameter stands for what was known of it: a sheet, a certificate or a number to improve first."
+    "The name of a parameter means what was known of it before: the sheet, certificate or number to improve first."
 )
 
 
@@ -177,7 +177,7 @@ def left_out_text(doc: Mapping[str, Any]) -> str:
         ends = dict.fromkeys(significant(row["metrics"]["rms_percent_of_peak"], 2) for row in (good[0], good[-1]))
         who = f"{len(good)} of {len(known)} recordings {'are' if len(good) > 1 else 'is'}"
         text = f" Predicted from the others, with their own {own_text(_fitted_apart(doc))}, "
-        text += f"{who} met within {' to '.join(ends)} % of the peak torque (RMS)."
+        text += f"{who} matched within {' to '.join(ends)} % of the peak torque (RMS)."
     return text + (f" Predicted worse: {_some(poor, '; ')}." if poor else "")
 
 
@@ -213,9 +213,9 @@ def campaign_answer(doc: Mapping[str, Any]) -> list[dict[str, str]]:
         advice.append(f"Not explained: {_some(odd)}; open {'their reports' if len(odd) > 1 else 'its report'} first.")
     if look := doubtful(doc):
         whose = "their reports say" if len(look) > 1 else "its report says"
-        advice.append(f"Look closer at {_some(look)}: why, the top of {whose}.")
+        advice.append(f"Look closer at {_some(look)}: the top of {whose} why.")
     if doc["n_refused"]:
-        advice.append(f"{doc['n_refused']} refused: the reasons stand below; mend them and run the same command again.")
+        advice.append(f"{doc['n_refused']} refused: the reasons are below; fix them and run the same command again.")
     urgent = sorted(doc["findings"], key=lambda row: URGENT.get(row.get("code"), len(URGENT)))
     serious = [row["text"] for row in urgent if row["severity"] != "info"]
     advice += [f"{text[:1].upper()}{text[1:]}." for text in map(named, serious[:MOST_QUOTED])]

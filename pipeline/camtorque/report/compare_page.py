@@ -165,7 +165,7 @@ def _unnamed(document: Mapping[str, Any]) -> str:
     sure = [f"{EVENTS[event]} ({percent(whole)})" for event, whole in each.items() if whole > TOLD]
     events = ", ".join(f"{event} ({probability})" for event, probability in compare_events(document))
     if _left(document) > HINTS:
-        return f"something that no event on the list stands for; those that come nearest: {events}"
+        return f"something that no event on the list describes; the nearest are: {events}"
     if sure:
         return f"{', '.join(sure)}; which number of it, and by how much, the data cannot tell"
     return f"something, but the data cannot tell what: {events}"
@@ -180,7 +180,7 @@ def compare_cautions(document: Mapping[str, Any]) -> tuple[str, ...]:
     """Return why the verdicts are to be taken with care: sheets and loads that differ, events that leave much over."""
     sheets = document.get("sheets_differ", ())
     found = [
-        f"{text}: both sides are read by their own sheets, so that a wrong one comes out as a change of the pump; "
+        f"{text}: each side is read by its own sheet, so a wrong one shows up as a change of the pump; "
         "correct it; where both are right, leave them" for text in sheets if not text.startswith(TRIGGER)
     ]  # fmt: skip
     triggers = "; ".join(text for text in sheets if text.startswith(TRIGGER))

@@ -227,8 +227,8 @@ def beyond_text(top: float, fitted: tuple[float, float]) -> tuple[str, ...]:
         return ()
     return (
         f"The load lies beyond the fitted ones: its line pressure reaches {top / BAR:.4g} bar, those of the fitted "
-        f"recordings {low / BAR:.4g} to {high / BAR:.4g} bar. The bands hold what left-out recordings, each with its "
-        "own load, were off, and no more.",
+        f"recordings {low / BAR:.4g} to {high / BAR:.4g} bar. The bands cover the errors of left-out recordings, each "
+        "with its own load, and no more.",
     )
 
 
@@ -264,7 +264,7 @@ def assumptions(known: KnownFit, source: FittedAt, load: str, clearance: str, ot
         texts.append(f"Clearance {clearance}{base}: leakage in proportion to its third power.")
     if known.lift is not None and np.any(known.lift.values):
         largest = float(np.max(np.abs(known.lift.values)))
-        texts.append(f"The lift table is corrected by up to {1e6 * largest:.1g} µm, as all fitted recordings ask for.")
+        texts.append(f"The lift table is corrected by up to {1e6 * largest:.1g} µm, as all fitted recordings require.")
     if known.unexplained:
         them = "it" if len(known.unexplained) == 1 else "them"
         texts.append(f"Nothing is taken from {', '.join(known.unexplained)}: the fit does not explain {them}.")
@@ -320,8 +320,8 @@ def step_text(item: Forecast) -> tuple[str, ...]:
         return ()
     top = int(np.argmax(item.torque))
     return (
-        f"Do not build on the torque at {item.speed / RPM:.4g} rpm: within what the fit leaves open it goes one way or "
-        "another, as beside a delivery valve that is near chattering. The curve is the middle one of many, its peak "
+        f"Do not rely on the torque at {item.speed / RPM:.4g} rpm: within what the fit leaves open it may jump either "
+        "way, as with a delivery valve close to chattering. The curve is the middle one of many, its peak "
         f"known to ± {short(100.0 * COVERAGE * item.torque_std[top] / item.torque[top], 2)} %; a recording near that "
         "speed would tell.",
     )
@@ -332,7 +332,7 @@ def flight_text(item: Forecast) -> tuple[str, ...]:
     if item.take_off is None:
         return ()
     return (
-        f"Do not build on the run at {item.speed / RPM:.0f} rpm: the follower leaves the cam at "
+        f"Do not rely on the run at {item.speed / RPM:.0f} rpm: the follower leaves the cam at "
         f"{item.take_off / DEGREE:.0f} deg of cam angle. From there, until it would land, torque and forces are those "
         f"of a cam that pulls (with up to {-item.least_contact:.3g} N); ask for lower speeds.",
     )

@@ -17,7 +17,7 @@ STRETCHES = ("forward", "return_stroke", "return_minimum")
 """Mean over the loaded part of the forward stroke, over the return stroke, where the measured torque is least there."""
 MEANINGS = {
     ANGLE: "line pressure at the true cam angle: trigger angle, twist, speed within the revolution",
-    CHAMBER: "chamber pressure in the place of line pressure, and the transducer's response to it",
+    CHAMBER: "chamber pressure instead of line pressure, and the transducer's response to it",
     "lift_table": "lift within the rounding of its table",
     "torque_zero": "zero of the transducer within its prior",
     "drive_ripple": "teeth or poles of the drive, the same all around",

@@ -83,8 +83,8 @@ def alignment_text(doc: Document) -> str:
         interval = f" ± {with_decimals(1e3 * delay['stderr'], 4)}" if sure(doc, delay["stderr"]) else ""
         text += f"Torque delay {with_decimals(1e3 * delay['value'], 4)}{interval} ms. "
     return text + (
-        "The residual errors of the cam angle, as standard deviations; after the fit they are those of single "
-        "parameters, stand in for one another and do not add up:"
+        "Remaining errors of the cam angle (standard deviations). After the fit each is that of one parameter; "
+        "they compensate one another and do not add up:"
     )
 
 
@@ -122,10 +122,10 @@ def parameter_groups(doc: Document) -> list[dict[str, Any]]:
     """Return the parameters by what the data added, each group with its rows in the order of the fit."""
     texts = (
         "The data determine the value; what was known before hardly matters.",
-        "The data tell how large it is at most: the interval reaches its lower bound in the fit, mostly zero.",
+        "The data give an upper limit only: the interval reaches its lower bound in the fit, mostly zero.",
         "The data narrowed what was known before.",
-        "The data made these no surer than sheet, certificate or literature; the fit may lean on them within that.",
-        "Neither the data nor a sheet or literature tell these: the value is where the search left it.",
+        "Known no better than from sheet, certificate or literature; the fit may shift them within that uncertainty.",
+        "Neither the data nor a sheet or literature determine these: the value is where the search stopped.",
     )
     rows = [parameter_row(name, row, doc["explained"]) for name, row in doc["parameters"].items()]
     return [

@@ -25,7 +25,7 @@ UNUSUAL = {
     "trigger_beyond_tolerance": "a trigger beyond its mounting tolerance",
 }
 """Finding on values that may stand in for what the model lacks -> how the headline names them."""
-FAR_PULLED, FAR_OFF = 3.5, "values far off what was known of them"
+FAR_PULLED, FAR_OFF = 3.5, "values far from what was expected"
 """Standard deviations off what was expected from which on a single value is named so: with 50 values one bench in forty
 has one."""
 STAND_INS, BEYOND_CATALOGUES = ("drive_admittance", "coupling_compliance", "half_inertia"), 2.5
@@ -33,24 +33,24 @@ STAND_INS, BEYOND_CATALOGUES = ("drive_admittance", "coupling_compliance", "half
 drives as light, couplings as soft and hubs as heavy are in no catalogue."""
 DOUBTFUL = {
     "base_torque_negative": "a torque that is negative on the base circle",
-    "base_torque_large": "a torque on the base circle that is that of no drag",
+    "base_torque_large": "a torque on the base circle that is too large for drag",
     "torque_against_model": "a torque that does not suit the plunger of the sheet",
-    "torque_beyond_pressure": "a torque that no such pressure makes",
-    "torque_inverted": "a torque whose sign was turned",
+    "torque_beyond_pressure": "a torque too large for the pressure",
+    "torque_inverted": "a torque whose sign was reversed",
     "torque_flat_top": "a torque whose top is cut off",
     "low_cycles_used": "only those cycles that stay within the range of a sensor",
     "torque_size_drifts": "a torque whose size drifts beside its pressure",
     "csv_cut_row": "a log that may be cut short",
     "mains_hum": "mains hum that stays in the mean torque",
-    "no_load_friction": "a pump in which nothing rubs under load",
-    "trigger_far_off": "a trigger that torque and pressure place far off",
+    "no_load_friction": "a pump without friction under load",
+    "trigger_far_off": "a trigger far from where torque and pressure put it",
     "sheet_contradicted": "a sheet that torque and pressure contradict",
     "sensitivity_off_nominal": "a certificate that contradicts its sheet",
     "sensitivity_off_ranges": "a sensitivity that contradicts the ranges of its sheet",
-    "lift_outlier": "a lift that stands out of its table",
+    "lift_outlier": "a lift table with outliers",
     "contact_stress_impossible": "a contact stress that no steel bears",
     "pressure_along_line": "a pressure that is measured far along the line",
-    "not_converged": "a search that ended before its minimum",
+    "not_converged": "a search that stopped short of its minimum",
 }
 """Warning on what a fit rests on -> how the headline names it; an error is named by its code."""
 
@@ -61,17 +61,17 @@ def verdict(doc: Document) -> dict[str, Any]:
     if not doc["explained"]:
         return {"level": "unexplained", "head": "UNEXPLAINED", "text": unexplained_text(doc)}
     text = (
-        f"the fitted model meets the measured torque to {significant(held['rms_percent_of_peak'], 2)} % of its peak "
+        f"the fitted model matches the measured torque to {significant(held['rms_percent_of_peak'], 2)} % of its peak "
         f"(RMS); the rigid model misses it by {significant(rigid['rms_percent_of_peak'], 2)} %."
     )
     missed, odd = missed_limits(held), unusual_values(doc)
     if missed:
         text += f" More than expected: {'; '.join(missed)}. Look at the residual before using the values."
     if odd:
-        text += f" The model meets it only with {in_a_row(odd)}: see the warnings before using the values."
+        text += f" The model matches it only with {in_a_row(odd)}: see the warnings before using the values."
     doubtful = doubtful_input(doc)
     if doubtful:
-        text += f" What it rests on is doubtful ({'; '.join(doubtful)}): see the findings before using the values."
+        text += f" Something it rests on is in doubt ({'; '.join(doubtful)}): see the findings before using the values."
     second = next((row for row in doc["alternatives"][1:] if (row["probability"] or 0.0) >= EVEN), None)
     if second is not None and moves(second, doc, NEWS):
         kind = f" ({second['name']})" if second["name"] != doc["alternatives"][0]["name"] else ""
@@ -160,7 +160,7 @@ def bump_places(doc: Document) -> str:
     """Return where the residual stands out, in words, empty where it does not."""
     return "; ".join(
         f"{bump_place(bump)}: up to {signed_significant(bump['peak_nm'])} N m, "
-        f"{significant(bump['times_repeatability'], 2)} times what the cycles repeat"
+        f"{significant(bump['times_repeatability'], 2)} times the cycle repeatability"
         + (f", swinging at {significant(bump['frequency_hz'], 2)} Hz" if bump["frequency_hz"] else "")
         for bump in doc["bumps"]
     )
@@ -170,13 +170,13 @@ def unexplained_text(doc: Document) -> str:
     """Return where the model fails, and what follows for every value on the page."""
     held, accuracy, places = doc["metrics"]["fitted_held_out_cycles"], doc["accuracy"], bump_places(doc)
     start = (
-        f"the best model stays {significant(held['rms_percent_of_peak'], 2)} % of the peak torque (RMS) off, the "
+        f"the best fit is {significant(held['rms_percent_of_peak'], 2)} % of the peak torque (RMS) off, while the "
         f"cycles repeat to {significant(accuracy['repeatability_percent'], 2)} %. "
     )
     where = f"It fails (by the fitted cycles) at {places}. " if places else "The misfit is spread over the revolution. "
     return (
-        start + where + "Something acts there that is not in the model. The values below are the best of an incomplete "
-        "model: none of their intervals can be relied on."
+        start + where + "Something acts there that is not in the model. The values below come from an incomplete "
+        "model: do not rely on any of their intervals."
     )
 
 

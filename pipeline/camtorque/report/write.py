@@ -43,9 +43,9 @@ FIGURES: dict[str, FigureSpec] = {
         curve_figures.full_cycle, "curves", True, True,
     ),
     PRESSURE: FigureSpec(
-        "Line pressure and chamber pressure", "A sensor behind the delivery valve: the chamber pressure, which loads "
-        "the plunger, is rebuilt from the torque and the laws of the chamber. Where none is shown the measured "
-        "pressure is what loads it.",
+        "Line pressure and chamber pressure", "The sensor sits behind the delivery valve: the chamber pressure, which "
+        "loads the plunger, is rebuilt from the torque and the laws of the chamber. Where none is shown, the "
+        "measured pressure loads the plunger.",
         curve_figures.pressures, "curves", True, True,
     ),
     "lift": FigureSpec("Lift", "The strokes are those of the lift.", curve_figures.lift, "curves", True),
@@ -63,12 +63,12 @@ FIGURES: dict[str, FigureSpec] = {
         png=True,
     ),
     "losses": FigureSpec(
-        "Work per revolution", "Each cause integrated for itself over the true cam angle. Lines: two standard "
+        "Work per revolution", "Each cause integrated on its own over the true cam angle. Lines: two standard "
         "uncertainties.", fit_figures.losses, "causes",
     ),
     "torque_by_cause": FigureSpec(
-        "Torque by cause", "Each law for itself, as the transducer sees it; all of them sum to the fitted model. Each "
-        "panel has its own scale.", curve_figures.by_cause, "causes", True,
+        "Torque by cause", "Each law on its own, as the transducer sees it; together they add up to the fitted model. "
+        "Each panel has its own scale.", curve_figures.by_cause, "causes", True,
     ),
     "evidence": FigureSpec(
         "Which losses the data need", "Left: evidence for the loss against its absence (2 ln of the Bayes factor; bars "
@@ -96,7 +96,7 @@ FIGURES: dict[str, FigureSpec] = {
     ),
     "budget": FigureSpec(
         "Where the uncertainty comes from",
-        "Variance of each parameter that the data say something about, by source. The name of a parameter stands for "
+        "Variance of each parameter that the data say something about, by source. The name of a parameter means "
         "what was known of it before: sheet, certificate, literature.", fit_figures.budget, "uncertainty",
         True,
     ),
