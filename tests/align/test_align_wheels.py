@@ -12,7 +12,7 @@ from camtorque.align.timebase import time_base
 from camtorque.fit.prepare import cam_swing, over_even_angle
 from camtorque.laws.swing import swing_of
 from camtorque.records import DEVIATION, LEAD, PASSED, Refusal
-from camtorque.signal.inductive import find_crossings
+from camtorque.signal.inductive import NEIGHBOURS, find_crossings
 from scipy.signal import lfilter
 from wheel_truth import Wheel, index_volts, judged, pulse_channel, true_deviation, wheel_recording, wheel_volts
 
@@ -163,6 +163,29 @@ def test_coil_from_standstill_keeps_its_teeth_over_a_range_of_speed() -> None:
     turned = ramp.wheel_angle(np.array([0.0, t[-1]])) / (TWO_PI / 60)
     k = np.arange(np.ceil(turned[0]), np.floor(turned[1]) + 1)
     assert edges.time.size == pytest.approx(np.sum(k % 60 < 58), abs=1)
+
+
+@pytest.mark.parametrize(("share", "mains"), [(0.02, 50.0), (0.1, 60.0), (0.2, 50.0)])
+def test_a_hum_between_single_teeth_of_a_coil_is_none(share: float, mains: float) -> None:
+    """Most waves are the hum's: a coil of 3 V with 0.06 V of it was told to turn three times as fast as the cam."""
+    wheel = Wheel(kind="inductive", edge="falling", teeth=12, missing=11, noise=1e-3)
+    volts = wheel_volts(wheel)
+    alone = find_crossings(pulse_channel(wheel, "trigger", volts), "falling")
+    hum = share * np.max(np.abs(volts)) * np.sin(2.0 * np.pi * mains * wheel.times)
+    found = find_crossings(pulse_channel(wheel, "trigger", volts + hum), "falling")
+    turns = wheel.duration * wheel.shaft.rpm / 60.0
+    assert alone.time.size == pytest.approx(turns, abs=1)
+    assert found.time.size == alone.time.size
+    assert np.max(np.abs(found.time - alone.time)) * wheel.shaft.rpm / 60.0 < 0.01 * share
+
+
+def test_teeth_of_a_slow_stretch_are_no_hum() -> None:
+    both = [replace(WHEELS["60-2 inductive"], shaft=Shaft(rpm=rpm), noise=1e-3) for rpm in (60.0, 600.0)]
+    volts = [wheel_volts(wheel) for wheel in both]
+    assert np.max(np.abs(volts[1])) > 5.0 * np.max(np.abs(volts[0]))
+    counts = [find_crossings(pulse_channel(both[0], "t", part), "falling").time.size for part in volts]
+    whole = find_crossings(pulse_channel(both[0], "t", np.concatenate(volts)), "falling")
+    assert whole.time.size == pytest.approx(sum(counts), abs=NEIGHBOURS)
 
 
 def slipped(wheel: Wheel, at: float, by: float) -> np.ndarray:

@@ -193,7 +193,9 @@ def _typical(
     """Return the median of some cycles on a coarser grid; it has to stand out of their scatter."""
     some = rows[spread_choice(sound), ::stride]
     middle = np.median(some, axis=0)
-    swing, scatter = float(np.ptp(middle)), 1.4826 * float(np.median(np.abs(some - middle)))
+    apart = some - middle
+    apart -= np.mean(apart, axis=1, keepdims=True)  # a level that wanders from cycle to cycle hides no shape
+    swing, scatter = float(np.ptp(middle)), 1.4826 * float(np.median(np.abs(apart)))
     calibration = channel.calibration
     least = STILL * (calibration.range_max - calibration.range_min) if calibration else 0.0
     times = LEAST_SWING if repeating else min(LEAST_SWING, LEAST_SWING_OF_MANY / np.sqrt(some.shape[0]))

@@ -34,6 +34,13 @@ FAINT = Threshold(
 NOISE_HEIGHTS = Threshold(
     5.0, "1", "statistics", "Half waves are higher than this many standard deviations of the noise."
 )
+HUM_BELOW = Threshold(
+    3.0, "1", "physics",
+    "Lowest half wave of a tooth over the highest of a hum between single teeth; the wave beside a gap of one to three "
+    "teeth is 1.5 to 2.3 times as high as the others."
+)  # fmt: skip
+LEAST_TEETH = 4
+"""Half waves of teeth that a hum is told from."""
 MIDDLE_OF_FLANK = 0.4
 """Part of the lower half wave up to which a flank is straight."""
 MOST_FLANK = 24
@@ -65,6 +72,7 @@ def find_crossings(channel: Channel, declared: str) -> Edges:
     level, noise = _level_and_noise(channel)
     waves, n_missing = _all_waves(channel, sign, level)
     waves = _merged(waves, np.full(waves.height.size, _floor(waves, NOISE_HEIGHTS * noise)))
+    waves = _merged(waves, np.full(waves.height.size, _hum(waves)))
     waves = _merged(waves, REAL_WAVE * _running_percentile(np.abs(waves.height), NEIGHBOURS, USUAL_PERCENTILE))
     ends = np.flatnonzero((waves.height[:-1] < 0.0) & (waves.height[1:] > 0.0)) + 1
     if ends.size < 2:
@@ -128,6 +136,23 @@ def _floor(waves: Waves, least: float) -> float:
     size = np.abs(waves.height)
     high = size[size > least]
     return max(least, FAINT * float(np.percentile(high, 99.0))) if high.size else np.inf
+
+
+def _hum(waves: Waves) -> float:
+    """Return the height up to which half waves are those of a hum between single teeth, 0 where there is none [V].
+
+    Of few teeth a turn most waves are the hum's, and no tooth stands among what is usual beside it. Teeth of a log of
+    two speeds have two heights as well, but one after the other.
+    """
+    size = np.sort(np.abs(waves.height))[::-1]
+    gaps = np.flatnonzero(size[:-1] > HUM_BELOW * size[1:])
+    gaps = gaps[gaps >= LEAST_TEETH - 1]
+    if not gaps.size:
+        return 0.0
+    least = float(np.sqrt(size[gaps[0]] * size[gaps[0] + 1]))
+    teeth = np.abs(waves.height) > least
+    between = np.count_nonzero(teeth[1:] > teeth[:-1])
+    return least if between >= np.count_nonzero(teeth) / LEAST_TEETH else 0.0
 
 
 def _running_percentile(values: Array, half: int, percentile: float) -> Array:
