@@ -214,6 +214,34 @@ def test_hdf5_time_channel_and_slices(tmp_path: Path):
     assert_is_the_log(read_recording(folder))
 
 
+@pytest.mark.parametrize(
+    ("name", "begins"),
+    [
+        ("start", (0.0, 0.015)), ("start_time", (0.0, 0.015)),
+        ("start_time", (1_759_305_600_000_000_000, 1_759_305_600_015_000_000)),
+        ("start_time", ("2025-10-01T10:00:00", "2025-10-01T10:00:00.015")),
+    ],
+)  # fmt: skip
+def test_hdf5_attributes_say_when_a_channel_began(tmp_path: Path, name: str, begins: tuple[object, object]):
+    """Numbers were passed over without a word: a pressure 15 ms late was wrong by its whole swing."""
+    folder = write_folder(tmp_path / "r", [LOG], PLANS["hdf5"])
+    with h5py.File(log_file(folder), "a") as file:
+        del file["Main"].attrs["t0_s"]
+        for channel, data in file["Main"].items():
+            data.attrs[name] = begins["pressure" in channel.lower()]
+    channels = {channel.quantity: channel for channel in read_recording(folder).channels}
+    late = channels["pressure"].start_time - channels["torque"].start_time
+    assert late == pytest.approx(0.015, abs=1e-6)
+
+
+def test_an_hdf5_start_that_nobody_can_read_is_told(tmp_path: Path):
+    folder = write_folder(tmp_path / "r", [LOG], PLANS["hdf5"])
+    with h5py.File(log_file(folder), "a") as file:
+        next(iter(file["Main"].values())).attrs["start_time"] = "01.10.2025 10:00:00.015"
+    (found,) = (finding for finding in read_recording(folder).findings if finding.code == "start_not_read")
+    assert "'01.10.2025 10:00:00.015' is said to be its start, expected a date as 2025-10-01T10:00:00" in found.text
+
+
 def test_several_tdms_files_share_their_dates(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Synchronised loggers: a file that began half a second later has its channels half a second later."""
     parts = [replace(LOG, logger=q.upper(), volts={q: v}, start=0.0) for q, v in LOG.volts.items()]

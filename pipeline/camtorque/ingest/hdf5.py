@@ -22,6 +22,7 @@ from camtorque.ingest.columns import time_beside
 from camtorque.ingest.hdf5_heaps import check_chunks, check_heaps
 from camtorque.ingest.header import column_number, numbered_name
 from camtorque.ingest.raw import CallSource, FileChannel, RawFile, refuse_bomb, refusing
+from camtorque.ingest.stamps import date_of
 from camtorque.ingest.stored import Stored, listing_of, read_stored
 from camtorque.records import Finding, Refusal
 from camtorque.units import did_you_mean, unit_factor
@@ -47,6 +48,8 @@ OBJECT_MARK = "MATLAB_object_decode"
 KINDS = "fiub"
 """Numbers, and levels that are true or false."""
 STAMP_NAMES = ("starttime", "wfstarttime", "datetime", "start")
+LATEST_START = 1.0e6
+"""A number below is a start in seconds, not a date [s]."""
 
 
 def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
@@ -62,7 +65,7 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
             data, field = _find(file, path, group, name)
             item = _stored(path, data, field, (group, name), _attributes(data, _rates_in(data.parent)))
             findings = () if field else _scale_findings(path, data)
-            return replace(item, beside=partial(beside, group), findings=findings)
+            return replace(item, beside=partial(beside, group), findings=(*item.findings, *findings))
 
         return read_stored(path, "HDF5", specs, find)
 
@@ -96,11 +99,11 @@ def _stored(
     rate, step, start = (_stated(path, data, attributes, names) for names in (RATE_NAMES, STEP_NAMES, START_NAMES))
     if rate is None and step is not None:
         rate = 1.0 / step if step else math.inf
-    date = _epoch(_first(attributes, STAMP_NAMES))
+    begun, date, findings = _begun(_first(attributes, STAMP_NAMES), f"{path.name} {data.name}")
     return Stored(
-        *place, _unit(attributes, data, field), _source(path, data, field), rate, start,
+        *place, _unit(attributes, data, field), _source(path, data, field), rate, begun if start is None else start,
         dates=() if date is None else ((0, date),),
-        time_beside=partial(_time_beside, path, data, field, place[1]),
+        time_beside=partial(_time_beside, path, data, field, place[1]), findings=findings,
     )  # fmt: skip
 
 
@@ -328,11 +331,19 @@ def _blank(data: h5py.Dataset) -> list[float]:
     return [value for value in values if isinstance(value, int | float)]
 
 
-def _epoch(text: Any) -> float | None:
-    if not isinstance(text, str):
-        return None
+def _begun(value: Any, where: str) -> tuple[float | None, float | None, tuple[Finding, ...]]:
+    """Return the start [s] or the date [s since 1970] that an attribute states, and a warning where it is neither."""
     try:
-        moment = datetime.fromisoformat(text)
-    except ValueError:
-        return None
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+        if isinstance(value, str):
+            moment = datetime.fromisoformat(value)
+            return None, (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp(), ()
+        number = math.nan if value is None else float(value)
+    except (TypeError, ValueError):
+        number = math.inf
+    date = next((found for scale in (1.0, 1e3, 1e6, 1e9) if (found := date_of(number / scale))), None)
+    if date is not None or value is None:
+        return None, date, ()
+    if abs(number) < LATEST_START:
+        return number, None, ()
+    text = f"{value!r:.40} is said to be its start, expected a date as 2025-10-01T10:00:00 or seconds; it is not used"
+    return None, None, (Finding("start_not_read", "warning", text, where),)
