@@ -30,10 +30,13 @@ from camtorque.mechanism.lift_laws import spectral_law
 from camtorque.records import DEVIATION, LEAD, CamTable, Finding, Refusal
 from camtorque.report.fit_file import NAME, SCHEMA, known_covariance, known_lift, known_shown
 from camtorque.results import CAMPAIGN, read_document, read_result, recording_of, refuse_changed, report_named
-from camtorque.units import RPM, angle_grid, counted
+from camtorque.units import DEGREE, RPM, TURN, angle_grid, counted
 from camtorque.version import __version__
 
 CYCLES = "cycles.h5"
+BEGUN, BEGINS_APART = 0.02, 15.0 * DEGREE
+"""Share of the stroke from which a lift has begun, and how far from the fitted one's another cam's may begin: flanks
+of 40 to 90 degrees, harmonic to 4-5-6-7, reach it 4 to 14 degrees after their start [rad]."""
 SAME_SIZE = 0.01
 """Share by which plungers and strokes of one pump may differ: a lift table is measured."""
 
@@ -227,8 +230,8 @@ def refuse_load_of_another_pump(path: Path, rigs: Sequence[Rig]) -> None:
     )
 
 
-def refuse_other_lobes(fitted: Rig, asked: Rig, path: Path) -> None:
-    """Refuse a cam of more or fewer lobes than the fitted one under the line pressure of that."""
+def refuse_other_strokes(fitted: Rig, asked: Rig, path: Path) -> None:
+    """Refuse a cam with more or fewer lobes than the fitted one, or elsewhere, under the line pressure of that."""
     lobes, own = stroke_count(asked.table.lift), stroke_count(fitted.table.lift)
     if lobes != own:
         raise Refusal(
@@ -236,6 +239,22 @@ def refuse_other_lobes(fitted: Rig, asked: Rig, path: Path) -> None:
             "pressure of the fitted recording has as many strokes a revolution; give the load of the other pump with "
             "--load-of or --pressure"
         )
+    begins, own_begins = (_rise(rig.table) for rig in (asked, fitted))
+    period = TURN / own
+    if abs(np.remainder(begins - own_begins + 0.5 * period, period) - 0.5 * period) > BEGINS_APART:
+        raise Refusal(
+            f"{path}: found a lift that begins at {begins / DEGREE:.0f} deg, expected about {own_begins / DEGREE:.0f} "
+            "as of the fitted cam: the line pressure of the fitted recording counts its angles from there; count the "
+            "table's from where it counts, or give the load of the other cam with --load-of or --pressure"
+        )
+
+
+def _rise(table: CamTable) -> float:
+    """Return the angle at which the lift begins to rise to its top [rad]."""
+    top = int(np.argmax(table.lift))
+    back = np.roll(table.lift, -top - 1)[::-1]
+    below = int(np.argmax(back < np.min(table.lift) + BEGUN * np.ptp(table.lift)))
+    return float(table.theta[top - below])
 
 
 def _sizes(pump: PumpData, table: CamTable) -> tuple[float, float, int]:

@@ -22,7 +22,7 @@ from camtorque.finished_fit import (
     read_fit,
     refuse_load_of_another_place,
     refuse_load_of_another_pump,
-    refuse_other_lobes,
+    refuse_other_strokes,
     rig_of,
 )
 from camtorque.fit.clearance import leakage_factor, refuse_leaky
@@ -191,7 +191,7 @@ def _at_speed(
     def run(source: FittedAt) -> tuple[Forecast, Forces, Rig, Mapping[str, Estimate]]:
         rig = rig_of(reports[source.id], asked.pump, asked.cam)
         if given is None and (other := asked.cam or asked.pump):
-            refuse_other_lobes(rig_of(reports[source.id]), rig, other)
+            refuse_other_strokes(rig_of(reports[source.id]), rig, other)
         curve = templates[source.id] if given is None else given
         chain = chain_of(rig, speed, curve, source.structure)
         shaped = curve if np.isfinite(curve.speed) else replace(curve, speed=speed)

@@ -25,7 +25,7 @@ from camtorque.finished_fit import (
     read_fit,
     refuse_load_of_another_place,
     refuse_load_of_another_pump,
-    refuse_other_lobes,
+    refuse_other_strokes,
     rig_of,
 )
 from camtorque.fit import endings as endings_module
@@ -723,11 +723,26 @@ def test_a_cam_of_other_lobes_does_not_run_under_the_load_of_the_fitted_one(tmp_
     cam = tmp_path / "two.csv"
     cam.write_text("cam_angle_deg,lift_mm\n" + "".join(f"{a:g},{y:.4f}\n" for a, y in zip(angles, lift, strict=True)))
     rig, other = rig_of(report), rig_of(report, None, cam)
-    refuse_other_lobes(rig, rig, cam)
+    refuse_other_strokes(rig, rig, cam)
     with pytest.raises(Refusal, match=r"two\.csv: found a cam of 2 lobes, expected 1 as the fitted one"):
-        refuse_other_lobes(rig, other, cam)
+        refuse_other_strokes(rig, other, cam)
     with pytest.raises(Refusal, match="mm, 1 a revolution, expected 8 mm and 8 mm, 2 a revolution as the"):
         refuse_load_of_another_pump(BENCH, [other])
+
+
+def test_a_cam_whose_table_is_turned_does_not_run_under_the_load_of_the_fitted_one(tmp_path: Path) -> None:
+    """Its chamber came out with 2530 bar for 1393."""
+    report, files = copied_report(tmp_path)
+    lift = np.loadtxt(files["cam_A"], delimiter=",", skiprows=2)[:, 1]
+    for turned, name in ((30, "late.csv"), (8, "near.csv"), (-40, "early.csv")):
+        rig, cam, moved = rig_of(report), tmp_path / name, np.roll(lift, turned)
+        other = replace(rig, table=replace(rig.table, lift=moved))
+        if turned == 8:
+            refuse_other_strokes(rig, other, cam)
+            continue
+        begins = rf"found a lift that begins at {(8 + turned) % 360} deg, expected about 8 as of the fitted cam"
+        with pytest.raises(Refusal, match=begins):
+            refuse_other_strokes(rig, other, cam)
 
 
 def test_a_load_of_the_line_is_none_of_a_fit_in_the_chamber(tmp_path: Path) -> None:
