@@ -254,7 +254,7 @@ def pressed_text(item: Forecast) -> tuple[str, ...]:
     if peak <= MOST_PRESSED or one.ending not in ENDED_BY:
         return ()
     return (
-        f"Do not build on the run at {item.speed / RPM:.4g} rpm: if {ENDED_BY[one.ending]} ended delivery where this "
+        f"Do not rely on the run at {item.speed / RPM:.4g} rpm: if {ENDED_BY[one.ending]} ended delivery where this "
         f"load ends, the chamber would be pressed to {short(peak / BAR, 2)} bar, which no pump holds; it ends another "
         "way.",
     )

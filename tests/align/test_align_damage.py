@@ -208,6 +208,18 @@ def test_channel_of_noise_is_refused(quantity: str) -> None:
         align(edited(quantity, lambda v: 1.0 + 0.05 * np.random.default_rng(4).standard_normal(v.size)))
 
 
+def test_a_pressure_whose_level_wanders_by_its_own_swing_still_follows_the_cam() -> None:
+    """A rail that its controller lets go up and down was refused as a sensor that has failed."""
+
+    def wandering(volts: np.ndarray) -> np.ndarray:
+        wave = np.sin(np.linspace(0.0, 6.0 * np.pi, volts.size))
+        return volts + 0.6 * np.ptp(volts) * (1.0 + wave)
+
+    cycles = align(edited("pressure", wandering))
+    assert "does not follow" not in "".join(row.text for row in cycles.findings)
+    check_angle(cycles)
+
+
 def test_a_wheel_that_is_taken_for_one_pulse_is_named() -> None:
     """Its user was sent to the cable of the torque."""
     recording = edited("torque", lambda v: 1.0 + 0.05 * np.random.default_rng(4).standard_normal(v.size))

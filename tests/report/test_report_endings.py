@@ -161,7 +161,7 @@ def test_an_ending_whose_pressure_no_pump_holds_is_no_other_one_and_nothing_to_b
     item, pressed = run(10.0, 1.0, "spill"), run(400.0, 1.0, "land", 6e8)
     assert if_it_ended_so(item, pressed) is None
     assert if_it_ended_so(item, replace(pressed, pressure=np.full(4, 3e8))) is not None
-    told = r"Do not build on the run at 477.5 rpm: if a land ended .* pressed to 6000 bar, which no pump holds"
+    told = r"Do not rely on the run at 477.5 rpm: if a land ended .* pressed to 6000 bar, which no pump holds"
     for found in (pressed, either(item, pressed)):
         assert re.match(told, *flow.pressed_text(found))
     assert flow.pressed_text(item) == ()

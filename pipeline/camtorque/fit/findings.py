@@ -98,7 +98,7 @@ def implausible_findings(parameters: Sequence[ParameterEstimate], explained: boo
         return ()
     worst = sorted(pulls, key=lambda name: -abs(pulls[name]))[:2]
     chief = " and ".join(f"{name.replace('_', ' ')}, {abs(pulls[name]):.1f}" for name in worst)
-    met = "the model meets the recording, but some values" if explained else "some values"
+    met = "the model reproduces the recording, but some values" if explained else "some values"
     text = (
         "the values together lie farther from what was expected than on one bench in a thousand (chiefly "
         f"{chief} standard deviations off): {met} may make up for a property of pump or bench that the model lacks"

@@ -54,7 +54,7 @@ class RunResult:
 def _settled(found: tuple[Finding, ...], fitted: FittedTorque) -> tuple[Finding, ...]:
     if not fitted.explained or any(row.code in OF_ODD_FITS for row in fitted.findings):
         return found
-    text = "{}; but the fitted model meets the recording with values as expected: nothing else speaks for that here"
+    text = "{}; but the fitted model reproduces the recording with values as expected: nothing else here points to that"
     return tuple(
         replace(row, severity="info", text=text.format(row.text)) if row.code in SUSPICIONS else row for row in found
     )

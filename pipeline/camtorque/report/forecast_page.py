@@ -240,7 +240,7 @@ def elsewhere_text(angle: float, fitted: tuple[float, float]) -> tuple[str, ...]
     if not apart > 0.5 * (high - low) + margin:  # nan: steady pressures have no angle
         return ()
     return (
-        f"Do not build on this load before its angle is checked: it begins to rise at {angle / DEGREE:.1f} deg of cam "
+        f"Do not rely on this load before its angle is checked: it begins to rise at {angle / DEGREE:.1f} deg of cam "
         f"angle, those of the fitted recordings at {low / DEGREE:.1f} to {high / DEGREE:.1f} deg; it has to count from "
         "the zero of the lift table. Each degree moves end of delivery and chamber, beyond these bands.",
     )

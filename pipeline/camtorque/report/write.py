@@ -92,7 +92,7 @@ FIGURES: dict[str, FigureSpec] = {
     ),
     "priors": FigureSpec(
         "Parameters against expectation", "Shaded: within two standard deviations of sheet, certificate or literature. "
-        "Grey: no surer than before.", fit_figures.priors, "uncertainty",
+        "Grey: no better known than before.", fit_figures.priors, "uncertainty",
     ),
     "budget": FigureSpec(
         "Where the uncertainty comes from",
