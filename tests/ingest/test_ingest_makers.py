@@ -16,7 +16,7 @@ from camtorque.ingest import read_recording
 from camtorque.ingest.csv_log import channels, read
 from camtorque.ingest.formats import FORMATS
 from camtorque.ingest.header import header_rate
-from camtorque.ingest.raw import RawFile
+from camtorque.ingest.raw import RawChannel, RawFile
 from camtorque.records import Refusal
 from test_ingest_new import ANSWERS
 from test_ingest_new_formats import columns
@@ -363,6 +363,37 @@ def test_times_of_variables_named_after_them_are_no_channels(tmp_path: Path):
     assert [(c.name, c.sample_rate, c.time_channel) for c in FORMATS["mat"].channels(file)] == [
         ("Data1_Torque", pytest.approx(RATE), "Data1_time_Torque"),
         ("Data1_Pressure", pytest.approx(RATE), "Data1_time_Pressure")]  # fmt: skip
+
+
+def mat_channels(file: Path, variables: dict[str, object], *names: tuple[str, str]) -> list[RawChannel]:
+    """Return what a MATLAB file of some variables has to say of channels by (group, name)."""
+    from scipy.io import savemat
+
+    savemat(file, variables)
+    specs = [ChannelSpec("torque", file, group, name, "V", "L", RATE, "") for group, name in names]
+    return list(FORMATS["mat"].read(file, tuple(specs), "").channels)
+
+
+def test_a_variable_is_timed_by_the_one_named_after_it(tmp_path: Path):
+    """Each channel has times of its own; a shift of 12 ms between them was lost where nobody named them."""
+    held = {
+        "Data1_Torque": TORQUE,
+        "Data1_time_Torque": TIME,
+        "Data1_Pressure": PRESSURE,
+        "Data1_time_Pressure": TIME + 0.012,
+    }
+    torque, pressure = mat_channels(tmp_path / "log.mat", held, ("", "Data1_Torque"), ("", "Data1_Pressure"))
+    assert pressure.start_time - torque.start_time == pytest.approx(0.012, abs=1e-9)
+
+
+@pytest.mark.parametrize("step", ["dt", "Sample_Interval"])
+def test_step_and_start_in_the_struct_of_a_channel_count(tmp_path: Path, step: str):
+    held = {name: {"Data": TORQUE, step: 1.0 / RATE, "Start": start} for name, start in (("T", 0.0), ("P", 0.25))}
+    torque, pressure = mat_channels(tmp_path / "log.mat", held, ("T", "Data"), ("P", "Data"))
+    assert (torque.start_time, pressure.start_time, pressure.sample_rate) == pytest.approx((0.0, 0.25, RATE))
+    slow = {"T": {"Data": TORQUE, step: 2.0 / RATE}}
+    with pytest.raises(Refusal, match="the file says"):
+        mat_channels(tmp_path / "slow.mat", slow, ("T", "Data"))
 
 
 def test_from_a_logic_analyser_beside_a_logger_to_a_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

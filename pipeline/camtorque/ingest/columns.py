@@ -13,7 +13,7 @@ from camtorque.config.quantities import CHANNEL_QUANTITIES
 from camtorque.config.tables import Problems
 from camtorque.ingest.cells import UNDATED
 from camtorque.ingest.csv_layout import CsvLayout
-from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, name_and_unit, numbered_name
+from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, name_and_unit, numbered_name, timed_by_name
 from camtorque.ingest.listing import MOST_ALIKE, RATE_SAMPLES, time_unit_of
 from camtorque.ingest.raw import ArraySource, RawChannel, RawFile, refuse_other_unit
 from camtorque.ingest.stamps import RATE_NOTE, Stamps, agreed_rate, date_of, read_stamps
@@ -80,13 +80,15 @@ def _held(
     return *_dated(base, factor), held(source, seconds, spec.sample_rate, path.name)
 
 
-def time_beside(names: Iterable[str], channels: Container[str], source: Callable[[str], SampleSource]) -> str:
+def time_beside(names: Iterable[str], channels: Container[str], source: Callable[[str], SampleSource], own: str) -> str:
     """Return which of the names beside a channel, each with as many samples, holds its times; "" where none does.
 
-    One that is named outright so, else ``t`` or ``x`` that runs as a clock does; a channel of the recording is none.
+    One that is named after the channel (``own``) or outright so, else ``t`` or ``x`` that runs as a clock does; a
+    channel of the recording is none.
     """
     free = [name for name in names if name not in channels]
-    outright = [name for name in free if TIME_NAME.match(name)]
+    named = [name for name in free if name != own and timed_by_name(name) == own]
+    outright = named + [name for name in free if TIME_NAME.match(name)]
     maybe = (name for name in free if MAYBE_TIME.match(name) and _runs(source(name)))
     return outright[0] if outright else next(maybe, "")
 

@@ -99,9 +99,9 @@ def _stored(
     rate, step, start = (_stated(path, data, attributes, names) for names in (RATE_NAMES, STEP_NAMES, START_NAMES))
     if rate is None and step is not None:
         rate = 1.0 / step if step else math.inf
-    begun, date, findings = _begun(_first(attributes, STAMP_NAMES), f"{path.name} {data.name}")
+    moment, date, findings = begun_at(_first(attributes, STAMP_NAMES), f"{path.name} {data.name}")
     return Stored(
-        *place, _unit(attributes, data, field), _source(path, data, field), rate, begun if start is None else start,
+        *place, _unit(attributes, data, field), _source(path, data, field), rate, moment if start is None else start,
         dates=() if date is None else ((0, date),),
         time_beside=partial(_time_beside, path, data, field, place[1]), findings=findings,
     )  # fmt: skip
@@ -180,11 +180,11 @@ def _kinds(file: h5py.File, names: list[str]) -> str:
 
 def _time_beside(path: Path, data: h5py.Dataset, field: str, name: str, taken: Container[str]) -> str:
     if field:
-        return time_beside(_fields(data), taken, lambda other: _source(path, data, other))
+        return time_beside(_fields(data), taken, lambda other: _source(path, data, other), field)
     sets = {other: item for other, item in data.parent.items() if isinstance(item, h5py.Dataset)}
     same = [other for other, item in sets.items() if item.size == data.size and item.dtype.kind in KINDS]
-    found = time_beside(same, taken, lambda other: _source(path, sets[other], ""))
-    group, part, _ = name.rpartition("/")  # a recording may name a path within the group
+    group, part, own = name.rpartition("/")  # a recording may name a path within the group
+    found = time_beside(same, taken, lambda other: _source(path, sets[other], ""), own)
     return found and f"{group}{part}{found}"
 
 
@@ -331,7 +331,7 @@ def _blank(data: h5py.Dataset) -> list[float]:
     return [value for value in values if isinstance(value, int | float)]
 
 
-def _begun(value: Any, where: str) -> tuple[float | None, float | None, tuple[Finding, ...]]:
+def begun_at(value: Any, where: str) -> tuple[float | None, float | None, tuple[Finding, ...]]:
     """Return the start [s] or the date [s since 1970] that an attribute states, and a warning where it is neither."""
     try:
         if isinstance(value, str):

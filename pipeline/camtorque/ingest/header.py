@@ -18,6 +18,7 @@ TIME_WORDS = (
 TIME_NAME = re.compile(rf"^({TIME_WORDS}|t(?=[ _.-]))([ _.-](?P<unit>s|sec|ms|us|µs|ns))?$", re.IGNORECASE)
 MAYBE_TIME = re.compile(r"^(t|x)$", re.IGNORECASE)
 """Time, unless a column is named outright so, or the recording takes it for a channel."""
+TIME_OF = re.compile(r"time_|_time", re.IGNORECASE)
 BRACKETS = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]$")
 INNER_BRACKETS = re.compile(r"^(?P<name>.*?)\s*\((?P<unit>[^()]*\([^()]*\))\)$")
 SQUARE_BRACKETS = re.compile(r"^(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]$")
@@ -118,6 +119,11 @@ def time_unit(name: str, stated: str = "") -> str:
 def is_time_name(name: str) -> bool:
     """Tell a name that times have, or may have."""
     return bool(TIME_NAME.match(name) or MAYBE_TIME.match(name))
+
+
+def timed_by_name(name: str) -> str:
+    """Return the channel whose times a name says it holds, as Data1_time_Torque and Torque_time; else the name."""
+    return TIME_OF.sub("", name, 1)
 
 
 def is_time_unit(unit: str) -> bool:

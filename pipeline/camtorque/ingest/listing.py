@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from camtorque.ingest.csv_layout import CsvLayout
-from camtorque.ingest.header import COUNTS, is_time_name, is_time_unit, numbered_name, time_unit
+from camtorque.ingest.header import COUNTS, is_time_name, is_time_unit, numbered_name, time_unit, timed_by_name
 from camtorque.ingest.raw import ArraySource, FileChannel
 from camtorque.ingest.stamps import date_of
 from camtorque.ingest.table_rows import are_changes, at, held, own_rows, rate_of_changes, rows_of, usual_distance
@@ -23,8 +23,6 @@ LEAST_STAMPS = 100
 """This many values that rise evenly are no coincidence."""
 NO_TIME = re.compile(r"cycle|zyklus|spiel|angle|winkel|\bCA\b|°|\bdeg", re.IGNORECASE)
 """Names of columns that rise evenly and are no time."""
-TIME_OF = re.compile(r"time_|_time", re.IGNORECASE)
-"""What the name of a variable has beyond that of the one whose times it holds: Data1_time_Torque, Torque_time."""
 SAME_RATE = 0.01
 """A first column without a name is the time where it and the header state rates that differ by less."""
 MOST_COLUMNS = 50
@@ -151,7 +149,7 @@ def with_times(found: list[FileChannel]) -> tuple[FileChannel, ...]:
     first = [item for item in found if item.name == numbered_name(0)]
     times = {(item.group, item.n_samples): item for item in first if _rises_evenly(item.source)} | times
     names = {(item.group, item.name) for item in found}
-    own = {place: item for item in found if (place := (item.group, TIME_OF.sub("", item.name, 1))) in names
+    own = {place: item for item in found if (place := (item.group, timed_by_name(item.name))) in names
            and place != (item.group, item.name)}  # fmt: skip
     taken, listed_channels = {id(item) for item in (*times.values(), *own.values())}, []
     for item in (item for item in found if id(item) not in taken):

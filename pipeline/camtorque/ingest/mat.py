@@ -14,7 +14,7 @@ from scipy.io import loadmat, whosmat
 from camtorque.config import ChannelSpec
 from camtorque.ingest import hdf5
 from camtorque.ingest.formats import first_bytes, is_hdf5
-from camtorque.ingest.header import is_time_name
+from camtorque.ingest.header import is_time_name, timed_by_name
 from camtorque.ingest.raw import FileChannel, RawFile, checked_size, refusing
 from camtorque.ingest.variables import is_rate_name, listed, read_variables
 from camtorque.records import Refusal
@@ -34,7 +34,7 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
     named |= {spec.group or spec.time_channel for spec in specs if spec.time_channel}
     wanted = {re.split(r"[.(]", name)[0] for name in named}  # rec.Torque and rec(2) lie in the variable rec
     names = _variable_names(path, wanted)
-    beside = {name for name in names if is_time_name(name) or is_rate_name(name)}
+    beside = {name for name in names if is_time_name(name) or is_rate_name(name) or timed_by_name(name) in wanted}
     with refusing(path, "MATLAB v5"):
         variables = loadmat(str(path), variable_names=sorted(wanted | beside))
     return read_variables(path, "MATLAB v5", variables, names, specs)

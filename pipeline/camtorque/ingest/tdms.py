@@ -167,7 +167,7 @@ def _dates(file: TdmsFile, channel: TdmsChannel, begun: list[tuple[int, float]])
 def _time_beside(file: TdmsFile, channel: TdmsChannel, path: Path, taken: Container[str]) -> str:
     group = file[channel.group_name]
     same = [item.name for item in group.channels() if len(item) == len(channel) and item.dtype.kind in KINDS]
-    return time_beside(same, taken, lambda name: _source(file, group[name], path))
+    return time_beside(same, taken, lambda name: _source(file, group[name], path), channel.name)
 
 
 def _epoch(stamp: Any) -> float | None:

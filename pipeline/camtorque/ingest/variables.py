@@ -63,9 +63,13 @@ def _stored(members: Members, group: str, name: str, samples: np.ndarray) -> Sto
             for (place, other), values in members.items()
             if place == group and values.size == samples.size and values.dtype.kind in hdf5.KINDS
         }
-        return time_beside(same, taken, same.__getitem__)
+        return time_beside(same, taken, same.__getitem__, name)
 
-    return Stored(group, name, near.get("unit", ""), ArraySource(samples), near.get("rate"), time_beside=times)
+    start, date, findings = hdf5.begun_at(near.get("start"), f"{group}.{name}".strip("."))
+    return Stored(
+        group, name, near.get("unit", ""), ArraySource(samples), near.get("rate"), start, time_beside=times,
+        dates=() if date is None else ((0, date),), findings=findings,
+    )  # fmt: skip
 
 
 def members_of(variables: Mapping[str, Any]) -> dict[tuple[str, str], np.ndarray]:
@@ -94,7 +98,7 @@ def members_of(variables: Mapping[str, Any]) -> dict[tuple[str, str], np.ndarray
 
 
 def beside(members: Members, group: str) -> dict[str, Any]:
-    """Return rate and unit stored beside a channel in its struct (or, the rate, beside all variables)."""
+    """Return rate, unit and start stored beside a channel in its struct (or, the rate, beside all variables)."""
     found: dict[str, Any] = {}
     for place in dict.fromkeys(("", group)):
         for (other, name), array in members.items():
@@ -102,15 +106,18 @@ def beside(members: Members, group: str) -> dict[str, Any]:
                 continue
             kind, only = array.dtype.kind, array.ravel()[0]
             if is_rate_name(name) and kind in "fiu" and only > 0:
-                found["rate"] = float(only)
+                plain_name = hdf5.plain(name)
+                found["rate"] = float(only) if plain_name in hdf5.RATE_NAMES else 1.0 / float(only)
+            if hdf5.plain(name) in (*hdf5.START_NAMES, *hdf5.STAMP_NAMES) and place and kind in "fiuU":
+                found["start"] = only.item()
             if hdf5.plain(name) in hdf5.UNIT_NAMES and place and kind == "U":
                 found["unit"] = str(only)
     return found
 
 
 def is_rate_name(name: str) -> bool:
-    """Tell a variable that by its name holds a sampling rate."""
-    return hdf5.plain(name) in hdf5.RATE_NAMES
+    """Tell a variable that by its name holds a sampling rate, or the time from sample to sample [s]."""
+    return hdf5.plain(name) in (*hdf5.RATE_NAMES, *hdf5.STEP_NAMES)
 
 
 def _numbers(path: Path, members: Members, place: tuple[str, str], names: tuple[str, ...]) -> np.ndarray:
