@@ -27,7 +27,7 @@ from camtorque.laws import ROWS
 from camtorque.laws.chain import ChainInput
 from camtorque.mechanism.cam import stroke_count
 from camtorque.mechanism.lift_laws import spectral_law
-from camtorque.records import DEVIATION, LEAD, CamTable, Finding, Refusal
+from camtorque.records import DEVIATION, LEAD, ORDERS_TOLD, CamTable, Finding, Refusal
 from camtorque.report.fit_file import NAME, SCHEMA, known_covariance, known_lift, known_shown
 from camtorque.results import CAMPAIGN, read_document, read_result, recording_of, refuse_changed, report_named
 from camtorque.units import DEGREE, RPM, TURN, angle_grid, counted
@@ -150,7 +150,8 @@ def curve_of(report: Path, speed: float) -> Curve:
     with h5py.File(report / CYCLES) as file:
         theta, pressure = (np.asarray(file[name], dtype=np.float64) for name in ("theta", "mean/pressure"))
         wheel = {name: np.asarray(file[f"mean/{name}"]) for name in (DEVIATION, LEAD) if f"mean/{name}" in file}
-    swing = cam_swing(load_recording_config(recording_of(report)), wheel) if wheel else None
+        orders = int(file[f"mean/{ORDERS_TOLD}"][0]) if f"mean/{ORDERS_TOLD}" in file else 0
+    swing = cam_swing(load_recording_config(recording_of(report)), wheel, orders) if wheel else None
     return Curve(theta, pressure, speed, swing=swing)
 
 

@@ -111,7 +111,7 @@ def test_over_even_angle_a_wheel_counts_from_its_pulse_as_one_pulse_does(wheel: 
     """It counted from where the revolution begins: behind few teeth the twist by the torque had another zero."""
     wheel = replace(wheel, error_deg=0.0, shaft=Shaft(rpm=600.0, ripple=0.05, order=1))
     found, alone = (align(wheel_recording(one)) for one in (wheel, replace(wheel, teeth=1, missing=0, index=False)))
-    swing = swing_of(found.details[LEAD], found.details[DEVIATION])
+    swing = swing_of(found.details[LEAD], found.details[DEVIATION], 30)
     even = swing.evened(found.mean_torque)
     assert np.sqrt(np.mean((found.mean_torque - alone.mean_torque) ** 2)) > 0.005 * np.ptp(alone.mean_torque)
     assert np.sqrt(np.mean((even - alone.mean_torque) ** 2)) < 0.0005 * np.ptp(alone.mean_torque)
@@ -428,7 +428,7 @@ def test_what_a_wheel_of_a_recording_saw_is_the_swing_of_its_shaft(teeth: int, m
     wheel = Wheel(shaft=shaft, teeth=teeth, missing=missing, index=not missing, error_deg=0.0)
     recording = wheel_recording(wheel)
     cycles = align(recording)
-    known = cam_swing(recording.config, cycles.details)
+    known = cam_swing(recording.config, cycles.details, 22)
     assert known is not None
     assert 20 <= known.order <= 22
     # the phase of the formula is the even angle but for where it counts from, the pulse of the nominal angle

@@ -134,7 +134,7 @@ def test_each_recording_of_a_pair_turns_as_its_own_wheel_measured(side: str, ord
     turned = {**cycles.details, DEVIATION: 0.01 * np.cos(3.0 * cycles.theta)}
     wheel = replace(
         one, recording=replace(recording, config=replace(recording.config, trigger=trigger)),
-        cycles=replace(cycles, details=turned),
+        cycles=replace(cycles, details=turned), wheel_orders=8,
     )  # fmt: skip
     before, after = (item.chain.swing for item in pair_of(one, wheel, one.candidates[0]).items)
     assert before is None

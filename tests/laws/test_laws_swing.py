@@ -55,7 +55,7 @@ def test_few_teeth_leave_the_cam_to_the_torque():
     theta = angle_grid(3600)
     for orders, order in ((1, 0), (2, 0), (3, 2), (28, 21)):
         waves = sum(np.cos(k * theta) for k in range(1, orders + 1)) * SIZE
-        found = swing_of(waves + 0.01, waves)
+        found = swing_of(waves + 0.01, waves, 30)
         assert found.order == order
         assert (np.max(np.abs(found.told(1800))) > 0.0) == (order > 0)
 

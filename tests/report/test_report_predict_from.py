@@ -783,7 +783,7 @@ def test_a_run_under_the_load_of_a_wheel_turns_as_its_wheel_measured(tmp_path: P
     ahead = 0.01 * np.cos(3.0 * THETA)
     with h5py.File(report / "cycles.h5", "w") as file:
         file["theta"], file["mean/pressure"] = THETA, falling(1.0, 105.0).pressure
-        file["mean/angle_deviation"] = ahead
+        file["mean/angle_deviation"], file["mean/wheel_orders"] = ahead, [8]
     curve = curve_of(report, 105.0)
     # ends of delivery, rises and another cam's pressure are looked for at its cam angles
     assert np.array_equal(curve.pressure, falling(1.0, 105.0).pressure)

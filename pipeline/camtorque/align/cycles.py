@@ -31,6 +31,7 @@ from camtorque.records import (
     DEVIATION_ERRORS,
     LEAD,
     PASSED,
+    TEETH,
     Array,
     CamCycles,
     CutFlowRow,
@@ -268,7 +269,7 @@ def _swing(base: TimeBase, angle: CamAngle, theta: Array, cycles: Integers) -> d
     even = np.mean((turns[:, :-2] - pulse) / (end - begin), axis=0) * TURN + angle.nominal % TURN
     return {
         DEVIATION: deviation, f"{DEVIATION}_std": std, LEAD: np.remainder(theta - even + np.pi, TURN) - np.pi,
-        DEVIATION_ERRORS: angle.places.errors(angle.zero_step_angle),
+        DEVIATION_ERRORS: angle.places.errors(angle.zero_step_angle), TEETH: angle.places.passed,
     }  # fmt: skip
 
 

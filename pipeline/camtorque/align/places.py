@@ -40,6 +40,7 @@ class Places:
     tooth_std : size of the teeth's errors that the pattern shows [rad]
     scatter : of a single pulse about the pattern: error of its edge and what the speed does not repeat [rad]
     turns : turns that were used
+    passed : when each tooth passes, as `camtorque.records.TEETH` says
     """
 
     place: Array
@@ -50,6 +51,7 @@ class Places:
     tooth_std: float
     scatter: float
     turns: int
+    passed: Array
 
     @property
     def _told(self) -> Mask:
@@ -112,7 +114,15 @@ def tooth_places(train: PulseTrain, spec: TriggerSpec, n: int) -> Places | None:
     everywhere = np.arange(n) % pattern.free.size
     std = np.sqrt(np.maximum(spread, 0.0))
     return Places(
-        place[everywhere], std[everywhere], pattern.orders, coefficient, covariance, sizes.tooth, scatter, turns
+        place[everywhere],
+        std[everywhere],
+        pattern.orders,
+        coefficient,
+        covariance,
+        sizes.tooth,
+        scatter,
+        turns,
+        np.column_stack([TURN / n * tooth + mean - mean[0], mean[0] - mean]),
     )
 
 

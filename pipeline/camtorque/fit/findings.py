@@ -58,6 +58,18 @@ def prior_findings(parameters: Sequence[ParameterEstimate]) -> tuple[Finding, ..
     return tuple(result)
 
 
+def wheel_findings(orders: int) -> tuple[Finding, ...]:
+    """Return the finding on a cam that swings otherwise than its drive would, as many orders of which a wheel tells."""
+    if not orders:
+        return ()
+    text = (
+        "the tooth wheel shows the cam swing within the turn otherwise than shaft and drive would under this torque, "
+        "as behind a universal joint, an engine or a gear: the cam angle is taken from the wheel up to order "
+        f"{orders}; check joints and gears where the bench should run evenly"
+    )
+    return (Finding("swing_by_wheel", "warning", text, "trigger"),)
+
+
 def _value_and_prior(row: ParameterEstimate, mean: float, std: float) -> tuple[str, str]:
     """Return a value and its prior as texts; one that acts by its logarithm as it is, with a factor more or less."""
     logarithm = LOGARITHM.fullmatch(row.unit)

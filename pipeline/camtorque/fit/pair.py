@@ -246,7 +246,7 @@ def _item(side: Prepared, data: FitData, shaft_torque: Array) -> FitData:
 
 
 def _swing(side: Prepared) -> Swing | None:
-    return cam_swing(side.recording.config, side.cycles.details)
+    return cam_swing(side.recording.config, side.cycles.details, side.wheel_orders)
 
 
 def _torque(side: Prepared) -> Array:

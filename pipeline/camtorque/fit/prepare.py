@@ -28,6 +28,7 @@ from camtorque.records import (
     DEVIATION_ERRORS,
     LEAD,
     PASSED,
+    TEETH,
     Array,
     CamCycles,
     CamTable,
@@ -126,18 +127,19 @@ def bin_weights(torque: Array, scatter: float, count: int = 1) -> Array:
     return 1.0 / np.sqrt((scatter**2 + count * law_variance(torque)) * torque.shape[-1] / INDEPENDENT)
 
 
-def cam_swing(config: RecordingConfig, details: Mapping[str, Any]) -> Swing | None:
+def cam_swing(config: RecordingConfig, details: Mapping[str, Any], orders: int = 0) -> Swing | None:
     """Return what a wheel saw of the swing within a turn by details of an alignment, None where none did.
 
-    One on the motor's side saw that of its own shaft, which the curves are over: it tells nothing of the cam's.
+    Up to ``orders`` the cam turns as its teeth say, above as the twist by the torque does; see `teeth`. A wheel on the
+    motor's side saw the swing of its own shaft, which the curves are over: it tells nothing of the cam's.
     """
     waves = details.get(DEVIATION)
     if waves is None:
         return None
     waves = np.asarray(waves, dtype=np.float64)
     lead = np.asarray(details.get(LEAD, waves), dtype=np.float64)
-    swing = swing_of(lead, waves, details.get(DEVIATION_ERRORS, NO_ERRORS))
-    return replace(swing, order=0) if config.trigger.side == "motor" else swing
+    most = 0 if config.trigger.side == "motor" else orders
+    return swing_of(lead, waves, most, details.get(DEVIATION_ERRORS, NO_ERRORS))
 
 
 def further_teeth(config: RecordingConfig, details: Mapping[str, Any]) -> Array:
@@ -147,6 +149,12 @@ def further_teeth(config: RecordingConfig, details: Mapping[str, Any]) -> Array:
         return np.zeros((0, 3))
     place, lead, scatter = np.asarray(passed, dtype=np.float64).T
     return np.column_stack([config.trigger.nominal_angle + place, lead, np.hypot(scatter, PLACE_STD)])
+
+
+def passages_of(config: RecordingConfig, details: Mapping[str, Any]) -> Array:
+    """Return when each tooth of a wheel on the camshaft passes by details of an alignment, as `TEETH` says."""
+    none = np.zeros((0, 2))
+    return none if config.trigger.side == "motor" else np.asarray(details.get(TEETH, none), dtype=np.float64)
 
 
 def over_even_angle(values: Array, swing: Swing | None, n: int = FIT_GRID) -> Array:
@@ -168,8 +176,13 @@ def cam_angles(chain: ChainInput) -> Array:
     return chain.theta if chain.swing is None else chain.swing.cam(chain.theta.size)
 
 
-def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, means: MeanCycles, bins: int = BINS) -> FitData:
-    """Return one recording ready to be fitted to the mean of its fitted cycles; its structure is still ``land``."""
+def fit_data(
+    recording: Recording, cycles: CamCycles, law: CamLaw, means: MeanCycles, bins: int = BINS, orders: int = 0
+) -> FitData:
+    """Return one recording ready to be fitted to the mean of its fitted cycles; its structure is still ``land``.
+
+    ``orders`` of the cam's swing are those of a wheel.
+    """
     grid = FIT_GRID // BINS * bins
     config: RecordingConfig = recording.config
     table: CamTable = recording.cam_table
@@ -178,7 +191,7 @@ def fit_data(recording: Recording, cycles: CamCycles, law: CamLaw, means: MeanCy
     assert pressure_sheet is not None
     rows = loaded_rows(rig_rows(config, law, torque_sheet, pressure_sheet, cycles), law, cycles, means.torque)
     basis = lift_basis(table, law, cycles.theta)
-    swing = cam_swing(config, cycles.details)
+    swing = cam_swing(config, cycles.details, orders)
     torque, pressure = (over_even_angle(part, swing, grid) for part in (means.torque, means.pressure))
     chain = ChainInput(
         theta=angle_grid(grid), speed=cycles.mean_speed, line_pressure=pressure, shaft_torque=torque,

@@ -27,6 +27,7 @@ from camtorque.fit.findings import (
     spill_findings,
     stress_findings,
     table_findings,
+    wheel_findings,
 )
 from camtorque.fit.planning import Measuring
 from camtorque.fit.prepare import MeanCycles, at_cam_angles
@@ -64,6 +65,7 @@ from camtorque.mechanism.mounting import Mounting
 from camtorque.mechanism.solve import forces_of
 from camtorque.mechanism.torque import closed_form_tables
 from camtorque.records import (
+    ORDERS_TOLD,
     UNTOLD,
     Alternative,
     AngleError,
@@ -129,6 +131,7 @@ def fitted_torque(
             *prior_findings(parameters), *mounting_findings(parameters), *implausible_findings(parameters, explained),
             *light_cam_findings(parameters, config.pump.cam_inertia), *frictionless_findings(parameters),
             *table_findings(recording.cam_table), *sheet_findings(fit.doubts, config.pump),
+            *wheel_findings(fitted.chain.told_order),
             *spill_findings(parameters, fitted.chain.top_lift), *stress_findings(forces.hertz),
             *fit_findings(fit, fitted.output.least_guide, lost, None if explained else left),
         ),
@@ -193,7 +196,7 @@ def _details(fit: Fit, recording: Recording, peak: float) -> dict[str, object]:
         absolute = 100.0 * float(np.hypot(sheet.gain_relative_std, np.hypot(zero[1], sheet.nonlinearity_std) / peak))
     spreads = {name: np.sqrt(np.sum(rows**2, axis=0)) for name, rows in fit.shifts.items()}
     return {
-        "delivery": problem.data[0].structure,
+        "delivery": problem.data[0].structure, ORDERS_TOLD: problem.data[0].chain.told_order,
         "budget": uncertainty_budget(problem, fit.covariance, fit.deviation, spreads),
         "block_cv_percent": blocks.tolist(), "absolute_uncertainty_percent": absolute,
     }  # fmt: skip

@@ -4,6 +4,7 @@ A stage takes minima, the best one first, and hands them on so; what each is for
 that holds its measurements:
 
 =======================  ==================================================================================  ==========
+`told_otherwise`         all anew by what a wheel says of the swing, where the driveline's law does not hold  0193
 `search`                 minima of all structures from many starts, moves of the best one and hops           0058, 0087
 `every_structure`        one of each structure, so that they can be compared                                 0152
 `with_lost_torque`       what the transducer's low-pass takes away twists the shaft all the same             0094
@@ -50,12 +51,13 @@ from camtorque.fit.minima import (
     in_bins_of,
     with_its_lost_torque,
 )
-from camtorque.fit.prepare import FINER_BINS, INDEPENDENT, MeanCycles, fit_data, mean_cycles, other_half
+from camtorque.fit.prepare import FINER_BINS, INDEPENDENT, MeanCycles, fit_data, mean_cycles, other_half, passages_of
 from camtorque.fit.problem import Problem, with_rows
 from camtorque.fit.residual import explains
 from camtorque.fit.search import DISSATISFYING, SearchState, search
 from camtorque.fit.sheet_doubts import SheetDoubt, sheet_doubts
 from camtorque.fit.solver import Minimum, Solution
+from camtorque.fit.teeth import SWINGS_OTHERWISE, WHEEL_ORDERS, told_otherwise
 from camtorque.fit.uncertainty import (
     Covariance,
     along_valley,
@@ -69,6 +71,7 @@ from camtorque.fit.uncertainty import (
 )
 from camtorque.fit.valleys import TRIGGER_ANGLE, Valley, profile_trigger_angle, softer_shaft, turned_round
 from camtorque.laws.chain import binned
+from camtorque.mechanism.cam import CamLaw
 from camtorque.mechanism.lift_laws import spectral_law
 from camtorque.process.second_process import in_two
 from camtorque.records import Array, CamCycles, LossEvidence, Recording, Refusal, RigidTorque
@@ -91,6 +94,7 @@ AT_REST = 1.0e3
 class Prepared:
     """One recording with its minima, least chi-square first, and the valley of the best one along the trigger angle.
 
+    ``wheel_orders`` of the cam's swing are those of a wheel, 0 where the driveline's law rebuilds all (`teeth`).
     ``other_kinds`` are the best one with the less probable kind of a part, by its name, ``softer_shaft`` with a stiff
     shaft that yields by a standard deviation more.
     """
@@ -104,6 +108,7 @@ class Prepared:
     measured: Array
     other_kinds: Mapping[str, OtherFit] = field(default_factory=dict)
     softer_shaft: Candidate | None = None
+    wheel_orders: int = 0
 
 
 @dataclass(frozen=True)
@@ -163,24 +168,37 @@ def shift_variance(shifts: Mapping[str, Array], size: int) -> Array:
 
 def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prepared:
     """Return a recording with the minima found and how far the trigger angle moves along the valley of the best one."""
-    means = mean_cycles(cycles)
+    means, orders = mean_cycles(cycles), 0
     law = spectral_law(recording.cam_table)
-    data = fit_data(recording, cycles, law, means)
-    halves = Halves(data, other_half(data, means))
-    minima = search_minima(halves)
-    if minima[0].rings_between_bins and cycles.theta.size >= FINER_BINS:
-        data = fit_data(recording, cycles, law, means, FINER_BINS)
-        halves = Halves(data, other_half(data, means))
-        near = in_bins_of(halves, distinct(minima))
-        sound = bool(near) and explains(near[0].data, near[0].solution, means.odd_even)
-        minima = near if sound else search_minima(halves)
-    if minima[0].left_to_explain > DISSATISFYING and not data.measures_chamber:
+    minima, halves = searched(recording, cycles, law, means)
+    passed = passages_of(recording.config, cycles.details)
+    if told_otherwise(minima[0].solution.output.motion, minima[0].data.chain, passed) > SWINGS_OTHERWISE:
+        orders = WHEEL_ORDERS
+        minima, halves = searched(recording, cycles, law, means, orders)
+    if minima[0].left_to_explain > DISSATISFYING and not halves.fitted.measures_chamber:
         minima = with_oil_at_rest(minima, halves)
     weighed, other_kinds = kinds_decided(weighed_locally(distinct(minima), halves, means.odd_even), halves, KINDS)
     best, valley = profile_trigger_angle(weighed[0], halves)
     kept = distinct([best, *weighed])
     softer = softer_shaft(best, halves)
-    return Prepared(recording, cycles, rigid, means, kept, valley, data.chain.shaft_torque, other_kinds, softer)
+    torque = halves.fitted.chain.shaft_torque
+    return Prepared(recording, cycles, rigid, means, kept, valley, torque, other_kinds, softer, orders)
+
+
+def searched(
+    recording: Recording, cycles: CamCycles, law: CamLaw, means: MeanCycles, orders: int = 0
+) -> tuple[list[Candidate], Halves]:
+    """Return `search_minima`, in finer bins where the best one rings between the usual ones, and what they are of."""
+    data = fit_data(recording, cycles, law, means, orders=orders)
+    halves = Halves(data, other_half(data, means))
+    minima = search_minima(halves)
+    if minima[0].rings_between_bins and cycles.theta.size >= FINER_BINS:
+        data = fit_data(recording, cycles, law, means, FINER_BINS, orders)
+        halves = Halves(data, other_half(data, means))
+        near = in_bins_of(halves, distinct(minima))
+        sound = bool(near) and explains(near[0].data, near[0].solution, means.odd_even)
+        minima = near if sound else search_minima(halves)
+    return minima, halves
 
 
 def search_minima(halves: Halves) -> list[Candidate]:

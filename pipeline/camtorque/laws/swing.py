@@ -36,7 +36,7 @@ class Swing(ReadOnly):
     ----------
     lead : (n,) cam angle less the even angle at which the cam passes it, as the alignment has it over cam angle [rad]
     waves : (n,) the same of low orders alone, which a gap in the wheel does not bend [rad]
-    order : highest order that is told, 0 where teeth are too few for it: the cam is rebuilt as behind one pulse
+    order : highest order that is taken as told; the twist is rebuilt above, and all of it at 0, as behind one pulse
     errors : (k, m + 1) harmonics of what the waves may be off by, k errors of one standard deviation each [rad]
     """
 
@@ -94,14 +94,14 @@ def _over_even(lead: Array, n: int) -> Array:
     return np.asarray(np.interp(angle_grid(n), angle_grid(fine.size) - fine, fine, period=TURN))
 
 
-def swing_of(lead: Array, waves: Array, errors: NDArray[np.complex128] = NO_ERRORS) -> Swing:
+def swing_of(lead: Array, waves: Array, most: int, errors: NDArray[np.complex128] = NO_ERRORS) -> Swing:
     """Return the swing of a turn by how far the cam is ahead over cam angle, and by the waves of that, (n,) [rad].
 
-    ``errors`` are those of `Swing`, none where they are not known.
+    ``errors`` are those of `Swing`, none where they are not known; orders up to ``most`` are taken as told.
 
     At the pulse of the nominal angle the lead is zero, but for where its tooth is; the waves are zero in the mean.
     """
     spectrum = np.abs(np.fft.rfft(waves))
     highest = int(np.max(np.flatnonzero(spectrum > ROUNDING * np.max(spectrum)), initial=0))
-    order = int(TOLD * highest)
+    order = min(int(TOLD * highest), most)
     return Swing(lead, waves + np.mean(lead - waves), order if order >= LEAST_TOLD else 0, errors)

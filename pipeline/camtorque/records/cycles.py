@@ -18,6 +18,11 @@ DEVIATION, LEAD = "angle_deviation", "angle_lead"
 DEVIATION_ERRORS = "angle_deviation_errors"
 """And what the waves may be off by, as harmonics."""
 
+ORDERS_TOLD = "wheel_orders"
+"""Detail of a fit: orders of the waves that the model has from the wheel; above them the driveline's law holds."""
+TEETH = "angle_teeth"
+"""And when each tooth passes, (t, 2): in even angle since the pulse of the nominal angle, and how much less that is
+than its place on a perfect wheel [rad]."""
 PASSED = "angle_passed"
 """Detail of an alignment by two or three pulses a turn, (t, 3) of each but the first: how much later it passes in even
 angle, how much less that is than its place on the wheel, standard error of both [rad]."""

@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 
 from camtorque.config.quantities import CHANNEL_QUANTITIES
-from camtorque.records import DEVIATION, LEAD, CamCycles, Forces, Recording
+from camtorque.records import DEVIATION, LEAD, ORDERS_TOLD, CamCycles, Forces, Recording
 from camtorque.report.files import atomic_file
 from camtorque.report.folder import reserve
 from camtorque.stacks import pieces
@@ -42,11 +42,20 @@ def result_variables(result: RunResult) -> list[Variable]:
     fitted, held = result.cycles.torque_halves
     return [
         *aligned_variables(result.cycles),
+        *_orders_told(result),
         Variable("mean/torque_fitted", fitted, "N m", "mean, fitted cycles"),
         Variable("mean/torque_held_out", held, "N m", "mean, held out"),
         *_model(result),
         *_forces(result.fitted.forces),
     ]
+
+
+def _orders_told(result: RunResult) -> list[Variable]:
+    """Return how many orders of the swing the model has from a wheel, where there is one."""
+    if DEVIATION not in result.cycles.details:
+        return []
+    orders = np.array([result.fitted.details.get(ORDERS_TOLD, 0)])
+    return [Variable(f"mean/{ORDERS_TOLD}", orders, "1", "orders of the deviation that the model takes as they are")]
 
 
 def write_cycles(path: Path, recording: Recording, cycles: CamCycles, variables: list[Variable]) -> None:
