@@ -131,7 +131,7 @@ def fitted_torque(
             *prior_findings(parameters), *mounting_findings(parameters), *implausible_findings(parameters, explained),
             *light_cam_findings(parameters, config.pump.cam_inertia), *frictionless_findings(parameters),
             *table_findings(recording.cam_table), *sheet_findings(fit.doubts, config.pump),
-            *wheel_findings(fitted.chain.told_order),
+            *wheel_findings(fit.problem.data[0].chain.told_order),
             *spill_findings(parameters, fitted.chain.top_lift), *stress_findings(forces.hertz),
             *fit_findings(fit, fitted.output.least_guide, lost, None if explained else left),
         ),

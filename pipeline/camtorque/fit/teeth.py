@@ -56,9 +56,12 @@ def told_otherwise(motion: Motion, chain: ChainInput, passed: Array) -> float:
     places = chain.trigger_angle + passed[:, 0]
     waves = waves_of(places, np.arange(1, highest + 1))
     columns = np.column_stack([np.ones(places.size), waves])
-    apart, *_ = np.linalg.lstsq(columns, passed[:, 1] - leads_at(motion, chain, places), rcond=None)
-    cosine, sine = apart[1:].reshape(2, -1)[:, RUNOUT:]
-    return float(np.sqrt(0.5 * np.sum(cosine**2 + sine**2)))
+    apart = passed[:, 1] - leads_at(motion, chain, places)
+    size = np.linalg.pinv(columns) @ apart
+    noise = np.sum((apart - columns @ size) ** 2) / (places.size - size.size)
+    # errors of teeth have all orders alike: their share is no swing
+    shown = size**2 - noise * np.diag(np.linalg.pinv(columns.T @ columns))
+    return float(np.sqrt(max(0.5 * np.sum(shown[1:].reshape(2, -1)[:, RUNOUT:]), 0.0)))
 
 
 def _at(chain: ChainInput, values: Array, places: Array) -> Array:
