@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from align_truth import TWO_PI, Samples, Shaft, angle_error_deg, pressure_of, torque_of
 from camtorque.align import align
+from camtorque.align.sources import trigger_trains
 from camtorque.align.timebase import time_base
 from camtorque.fit.prepare import cam_swing, over_even_angle
 from camtorque.laws.swing import swing_of
@@ -451,3 +452,16 @@ def test_a_gap_of_another_size_is_told_with_what_to_write(missing: int, declared
     said = rf"found {missing} missing once in 36: write missing_teeth = {missing}, pulses_per_rev = 36; else check"
     with pytest.raises(Refusal, match=said):
         align(replace(recording, config=replace(recording.config, trigger=trigger)))
+
+
+@pytest.mark.parametrize(("edge", "noise"), [("falling", 1e-4), ("rising", 1e-4), ("rising", 1e-3), ("rising", 0.02)])
+def test_exchanged_wires_of_a_coil_before_a_single_tooth_are_told(edge: str, noise: float) -> None:
+    """The edge as declared lay a tooth's width, some degrees, beside the tooth, without a word."""
+    wheel = Wheel(kind="inductive", edge=edge, teeth=12, missing=11, noise=noise, error_deg=0.0)
+    recording = wheel_recording(wheel)
+    trigger = replace(recording.config.trigger, pulses_per_rev=1, missing_teeth=0)
+    (used,) = trigger_trains(replace(recording, config=replace(recording.config, trigger=trigger))).values()
+    assert ("trigger_inverted" in {row.code for row in used.edges.findings}) == (edge == "rising")
+    truth = wheel.true_angle(used.edges.time)
+    off = np.remainder(truth - np.radians(wheel.nominal_deg) + np.pi, TWO_PI) - np.pi
+    assert np.max(np.abs(np.degrees(off))) < 0.05
