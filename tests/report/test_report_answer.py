@@ -29,7 +29,16 @@ from camtorque.report.curve_figures import pressures
 from camtorque.report.document import result_document
 from camtorque.report.page import run_page
 from camtorque.report.texts import budget_rows, by_size, parameter_groups, parameter_row
-from camtorque.report.verdict import DOUBTFUL, FAR_OFF, STAND_INS, UNUSUAL, missed_limits, unexplained_text, verdict
+from camtorque.report.verdict import (
+    DOUBTFUL,
+    FAR_OFF,
+    STAND_INS,
+    STATED,
+    UNUSUAL,
+    missed_limits,
+    unexplained_text,
+    verdict,
+)
 from camtorque.report.write import write_pdf, write_run
 from report_cases import NASTY, parameter, run_result
 
@@ -79,9 +88,14 @@ def test_a_single_value_far_off_asks_to_look_closer(off: float, level: str) -> N
     assert (f"only with {FAR_OFF}: see the warnings" in head["text"]) == (level == "look")
 
 
-@pytest.mark.parametrize("name", STAND_INS)
-@pytest.mark.parametrize(("off", "level"), [(2.4, "good"), (2.6, "look")])
-def test_a_driveline_beyond_catalogues_asks_to_look_closer(name: str, off: float, level: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "off", "level"),
+    [(name, limit + way, level) for names, limit in ((STAND_INS, 2.5), (STATED, 3.0)) for name in names
+     for way, level in ((-0.1, "good"), (0.1, "look"))],
+)  # fmt: skip
+def test_a_driveline_beyond_catalogues_and_a_sheet_that_is_contradicted_ask_to_look_closer(
+    name: str, off: float, level: str
+) -> None:
     doc = result_document(run_result())
     row = {**next(iter(doc["parameters"].values())), "value": off * 1000.0, "prior": [0.0, 1000.0]}
     assert verdict({**doc, "parameters": {**doc["parameters"], name: row}})["level"] == level
@@ -368,4 +382,4 @@ def test_a_suspicion_before_the_fit_is_a_note_where_the_fit_has_nothing_to_warn_
     suspicion, other = replace(result, cycles=cycles, fitted=fitted).findings[:2]
     assert other == before[1]
     assert suspicion.severity == ("warning" if doubt else "info")
-    assert suspicion.text.startswith("9 degrees apart" if doubt else "9 degrees apart; but the fitted model meets")
+    assert suspicion.text.startswith("9 degrees apart" if doubt else "9 degrees apart; but the fitted model reproduces")
