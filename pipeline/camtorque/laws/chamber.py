@@ -26,7 +26,7 @@ from camtorque.laws.fluid import specific_volume
 from camtorque.laws.leakage import leak_flow
 from camtorque.laws.ports import flow_root, opening, suction_root
 from camtorque.laws.rows import parameter
-from camtorque.laws.valve import RETURN_SPAN, STOP, lifted, seat_drop, stop_force
+from camtorque.laws.valve import RETURN_SPAN, STOP, lifted, seat_drop, stop_force, swept
 from camtorque.records import Array
 
 ROWS = (
@@ -147,7 +147,8 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
     p_step, g_step, dt_old = 0.0, 0.0, 1.0
     share, share_p, share_k, share_b, share_a = specific_volume(start, modulus, bend, air)
     volume = v0 + plunger * (top_lift - lift[0])
-    mass, gallery = volume / share, (v_gallery + u) / share
+    room, room_u = swept(u)
+    mass, gallery = volume / share, (v_gallery + room) / share
     if want_tangents:
         if u < 0.0:
             for j in range(n_all):
@@ -158,10 +159,9 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
             u_t[VALVE_SPRING] += (retraction - u) / (STOP + spring)
         for both in range(2):
             row = mass_t if both == 0 else gallery_t
-            room = volume if both == 0 else v_gallery + u
-            factor = -room / (share * share)
+            factor = -(v_gallery + room if both else volume) / (share * share)
             for j in range(n_all):
-                row[j] = factor * share_p * start_by[j] + (u_t[j] / share if both else 0.0)
+                row[j] = factor * share_p * start_by[j] + (room_u * u_t[j] / share if both else 0.0)
             row[DEAD_VOLUME if both == 0 else GALLERY_VOLUME] += 1.0 / share
             row[BULK_MODULUS] += factor * share_k
             row[BULK_MODULUS_SLOPE] += factor * share_b
@@ -239,7 +239,8 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 through, through_d = flow_root(drop)
                 w = velocity + k_seat * lift_u * through
                 stop, stop_u, stop_old, stop_top = stop_force(u, velocity, dt, retraction + stroke)
-                room = v_gallery + u
+                room, room_u = swept(u)
+                room += v_gallery
                 f1 += dt * k_out * out
                 f2 = room / shared - gallery - dt * (k_out * out - k_seat * lift_u * through)
                 inertia = mass_valve * ((velocity - speed_old) / dt + damping * velocity)
@@ -249,7 +250,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                 j11 += dt * k_out * out_d
                 j12 = -dt * k_out * out_d
                 j22 = -room * shared_p / (shared * shared) + dt * (k_out * out_d + k_seat * lift_u * through_d)
-                j23 = 1.0 / shared + dt * k_seat * lift_ud * through
+                j23 = room_u / shared + dt * k_seat * lift_ud * through
                 j31 = -(1.0 - exposure)
                 j32 = -exposure
                 j33 = mass_valve * (1.0 / dt + damping) / dt + spring + flow_force * lift_ud + stop_u
@@ -302,7 +303,9 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                     shared, shared_p, shared_k, shared_b, shared_a = specific_volume(g, modulus, bend, air)
                 else:
                     shared += shared_p * (g - g_tried)
-                gallery = (v_gallery + u) / shared
+                room, room_u = swept(u)
+                room += v_gallery
+                gallery = room / shared
             if sub == steps:
                 root, root_d = flow_root(p - feed)
                 drawn, drawn_d = suction_root(feed - p)
@@ -417,7 +420,7 @@ def integrate(parameters, geometry, theta, lift, slope, line, substeps, shifts, 
                     u_t[j] = new_u
                 factor = -room * shared_squared
                 for j in range(n_all):
-                    gallery_t[j] = factor * shared_p * g_t[j] + shared_over * u_t[j]
+                    gallery_t[j] = factor * shared_p * g_t[j] + shared_over * room_u * u_t[j]
                 gallery_t[BULK_MODULUS] += factor * shared_k
                 gallery_t[BULK_MODULUS_SLOPE] += factor * shared_b
                 gallery_t[FREE_AIR] += factor * shared_a

@@ -4,7 +4,7 @@
 
     Q_out  = a A_out C sqrt(p - g)       a: outlet open until its land closes (end of delivery), and again below a
                                             share of that lift on the return
-    d[(V_g + u) rho(g)]/dt = Q_out - Q_seat
+    d[(V_g + max(0, u)) rho(g)]/dt = Q_out - Q_seat
     h      = max(0, u - u_0 - V_r)
     Q_seat = alpha h C sqrt(g - p_in)
     p_in   = p_line + I d(u' + Q_seat)/dt
@@ -92,6 +92,19 @@ def lifted(u, retraction):  # type: ignore[no-untyped-def]
         return x * LIFTED, 1.0
     share = 0.5 * (x + 1.0)
     return share * share * LIFTED, share
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def swept(u):  # type: ignore[no-untyped-def]
+    """Return max(0, u) with a rounded corner, and its derivative by u.
+
+    A seat that is pressed in takes no room: its stiffness is that of a search. Under a rail of 1850 bar it was as soft
+    as a chamber of 150 mm^3, and the fuel became stiffer by as much.
+    """
+    if u >= CUSHION:
+        return u, 1.0
+    share = max(0.5 * (u + CUSHION) / CUSHION, 0.0)
+    return share * share * CUSHION, share
 
 
 @njit(cache=True, error_model="numpy")
