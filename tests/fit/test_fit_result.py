@@ -453,8 +453,19 @@ def test_a_pump_in_which_nothing_rubs_under_load_is_told(record, moved, told):
     assert all(one.code != "no_load_friction" for one in record.findings)
 
 
-@pytest.mark.parametrize("name", ["cam_side_inertia", "shaft_damping"])
-def test_what_follows_from_the_shaft_is_log_normal_with_its_relative_deviation(record, name):
+def test_the_volume_up_to_the_valve_is_that_of_its_parts_with_what_they_share(fit, record):
+    """The data tell the sum: what the outlet's two sides hold each was stated alone, and compared with a drawing."""
+    rows = {row.name: row for row in record.parameters}
+    dead, gallery, both = (rows[name] for name in ("dead_volume", "gallery_volume", "volume_to_valve"))
+    assert both.value == pytest.approx(dead.value + gallery.value)
+    places = [fit.problem.index(name) for name in ("dead_volume", "gallery_volume")]
+    statistical = 1e9 * np.sqrt(fit.deviation[np.ix_(places, places)].sum())
+    shifted = 1e9 * np.sqrt(sum(np.sum(shift[:, places].sum(axis=1) ** 2) for shift in fit.shifts.values()))
+    assert both.stderr == pytest.approx(np.hypot(statistical, shifted))
+
+
+@pytest.mark.parametrize("name", ["cam_side_inertia", "shaft_damping", "volume_to_valve"])
+def test_what_follows_from_parameters_is_log_normal_with_its_relative_deviation(record, name):
     row = next(row for row in record.parameters if row.name == name)
     spread = np.sqrt(np.log1p((row.stderr / row.value) ** 2))
     np.testing.assert_allclose(np.log(np.array(row.ci95) / row.value), [-1.959964 * spread, 1.959964 * spread])

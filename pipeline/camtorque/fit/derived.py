@@ -27,6 +27,12 @@ from camtorque.units import COVERAGE, TURN, angle_grid
 NOT_CARRIED = "lift_table"
 """The correction of the lift is no parameter of the fit."""
 INPUT = "input"
+PARTS_OF_VOLUME = ("dead_volume", "gallery_volume")
+VOLUME_TO_VALVE = (
+    "volume_to_valve", 1.0e-9, "mm^3", "V_0 + V_g", "volume above the plunger at full lift, up to the delivery valve",
+    "follows from dead and gallery volume",
+)  # fmt: skip
+"""Sum of `PARTS_OF_VOLUME`: name, SI per unit, unit, symbol, meaning, source."""
 ANGLE, CHAMBER = "cam angle", "plunger pressure"
 """The two reasons for which pressure makes another torque than the rigid model has."""
 
@@ -118,29 +124,51 @@ def on_cycles(model: Modelled, n: int) -> Modelled:
 
 
 def derived_estimates(fit: FittedParameters) -> tuple[ParameterEstimate, ...]:
-    """Return inertia on the cam's side and damping of the shaft: log-normal, of a relative deviation to first order."""
+    """Return what follows from parameters by products of their powers or by their sum.
+
+    Inertia on the cam's side and damping of the shaft; the volume above the plunger up to the delivery valve, of which
+    the data tell the parts on both sides of the outlet worse than the sum.
+    """
     values, _ = fit.problem.values(fit.solution.z, 0)
     compliance, resonance, ratio = (values[name] for name in SHAFT_NAMES)
-    if compliance <= RIGID:
-        return ()
-    found = {"cam_side_inertia": cam_side_inertia(values), "shaft_damping": 2.0 * ratio / (resonance * compliance)}
     rows = []
-    for name, (per, unit, symbol, meaning, exponents) in FOLLOWING.items():
-        row = np.zeros(fit.problem.size)
-        for parameter, exponent in zip(SHAFT_NAMES, exponents, strict=True):
-            if fit.problem.index(parameter) >= 0:
-                row[fit.problem.index(parameter)] = exponent / values[parameter]
-        statistical = float(np.sqrt(row @ fit.deviation @ row))
-        total = float(np.sqrt(statistical**2 + sum(float(np.sum((rows @ row) ** 2)) for rows in fit.shifts.values())))
-        value, end = found[name] / per, float(np.exp(COVERAGE * np.sqrt(np.log1p(total**2))))
-        known = knowledge(total, 1.0, value / end, 0.0, has_prior=False)
-        rows.append(ParameterEstimate(
-            name=name, value=value, unit=unit, stderr=value * total, stderr_statistical=value * statistical,
-            ci95=(value / end, value * end), at_bound=False, identifiable=known not in UNTOLD, confounded_with=(),
-            prior=None, meaning=meaning, source="follows from compliance, resonance and damping ratio of the shaft",
-            role="shared", symbol=symbol, knowledge=known,
-        ))  # fmt: skip
+    if compliance > RIGID:
+        found = {"cam_side_inertia": cam_side_inertia(values), "shaft_damping": 2.0 * ratio / (resonance * compliance)}
+        source = "follows from compliance, resonance and damping ratio of the shaft"
+        for name, (per, unit, symbol, meaning, exponents) in FOLLOWING.items():
+            slopes = {one: power / values[one] for one, power in zip(SHAFT_NAMES, exponents, strict=True)}
+            rows.append(_derived(fit, found[name], slopes, (name, per, unit, symbol, meaning, source)))
+    if fit.problem.index(PARTS_OF_VOLUME[0]) >= 0:
+        total = sum(values[name] for name in PARTS_OF_VOLUME)
+        slopes = dict.fromkeys(PARTS_OF_VOLUME, 1.0 / total)
+        rows.append(_derived(fit, total, slopes, VOLUME_TO_VALVE))
     return tuple(rows)
+
+
+def _derived(
+    fit: FittedParameters, found: float, slopes: Mapping[str, float], texts: tuple[str, float, str, str, str, str]
+) -> ParameterEstimate:
+    """Return a value that follows from others: log-normal, of a relative deviation to first order.
+
+    Parameters
+    ----------
+    slopes : parameter -> relative change per SI
+    texts : name, SI per unit, unit, symbol, meaning, source
+    """
+    name, per, unit, symbol, meaning, source = texts
+    row = np.zeros(fit.problem.size)
+    for parameter, slope in slopes.items():
+        if fit.problem.index(parameter) >= 0:
+            row[fit.problem.index(parameter)] = slope
+    statistical = float(np.sqrt(row @ fit.deviation @ row))
+    total = float(np.sqrt(statistical**2 + sum(float(np.sum((rows @ row) ** 2)) for rows in fit.shifts.values())))
+    value, end = found / per, float(np.exp(COVERAGE * np.sqrt(np.log1p(total**2))))
+    known = knowledge(total, 1.0, value / end, 0.0, has_prior=False)
+    return ParameterEstimate(
+        name=name, value=value, unit=unit, stderr=value * total, stderr_statistical=value * statistical,
+        ci95=(value / end, value * end), at_bound=False, identifiable=known not in UNTOLD, confounded_with=(),
+        prior=None, meaning=meaning, source=source, role="shared", symbol=symbol, knowledge=known,
+    )  # fmt: skip
 
 
 def delivered_volume(fit: Fit) -> Estimate | None:
