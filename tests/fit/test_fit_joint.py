@@ -562,7 +562,7 @@ def test_many_recordings_are_solved_as_few_are(prepared):
         dense(blocks.hessian) / np.outer(scale, scale), whole.hessian / np.outer(scale, scale), atol=1e-6
     )
     # the misfits are those of the normal equations, one linearisation before
-    assert np.sum(blocks.misfits) == pytest.approx(blocks.data_chi_square, rel=1e-5)
+    assert np.sum(blocks.misfits) == pytest.approx(blocks.data_chi_square, rel=3e-5)
     assert try_at(replace(task, about=whole.z), whole.z).chi_square == pytest.approx(whole.chi_square, rel=1e-6)
 
 

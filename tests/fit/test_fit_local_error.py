@@ -62,7 +62,7 @@ def test_what_was_explained_stays_so() -> None:
 
 def test_what_no_law_knows_pulls_the_values_less() -> None:
     truth, _ = with_burst(0.0)
-    pulled, halves = with_burst(0.02)
+    pulled, halves = with_burst(0.03)
     before = covariance(pulled.problem, pulled.solution).inflation
     assert before > 10.0 * LOCAL_FROM
     (found,) = weighed_locally([pulled], halves, 1.0)

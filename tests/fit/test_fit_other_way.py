@@ -81,7 +81,7 @@ def test_what_is_the_wrong_way_round_is_turned(best, halves):
 
 def test_a_turned_start_is_followed_while_it_may_be_worth_something(best):
     # at the very edge of the land no step leads anywhere
-    turned_data = with_starts(released(best.data), {"outlet_return": 0.9})
+    turned_data = with_starts(released(best.data), {"outlet_return": 0.95})
     followed = at_minimum(turned_data)
     given_up = at_minimum(turned_data, beside(best.value))
     assert followed.solution.chi_square > beside(best.value).limit
@@ -99,7 +99,9 @@ def test_what_gains_nothing_leaves_the_minimum_as_it_is(best, halves):
     assert values == sorted(values)
     # starts that come back are no minima of their own
     assert 1 < len(values) < 1 + len(starts_turned_round(settled))
-    assert reconverged(again[0], halves).solution.converged  # a bent valley is left early; the fit goes on from there
+    # a bent valley is left early; the fit goes on from there until nothing is gained
+    ended = reconverged(again[0], halves)
+    assert abs(reconverged(ended, halves).solution.chi_square - ended.solution.chi_square) < GAINED
     assert not any(settled.basin.holds(item.solution) for item in again[1:])
 
 

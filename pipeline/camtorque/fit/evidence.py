@@ -206,7 +206,17 @@ def evidence_of(fit: Weighed, losses: Sequence[str], refitted: Refits | None = N
     found = [_from_zero(_by_part(fit, row, refitted)) for row in weighed(losses)]
     apart = any(row.verdict == "needed" for row in found if row.name in APART)
     together = [] if apart else [row for row in weighed([EITHER_LOSS]) if row.verdict == "needed"]
-    return (*found, *together)
+    return (*(_one_of_both(row) if together else row for row in found), *together)
+
+
+def _one_of_both(row: LossEvidence) -> LossEvidence:
+    """Return a loss of which nobody knows whether it or the other one is there: neither can be done without."""
+    if row.name not in APART or row.verdict != "not needed":
+        return row
+    text = (
+        f"the data do not tell {row.name} from what they need in its place: at most {row.size_ci95[1]:.2g} N m rms here"
+    )
+    return replace(row, verdict="cannot tell", text=text)
 
 
 def _judged(fit: Weighed, name: str, quick: float, refit: float) -> LossEvidence:

@@ -32,6 +32,8 @@ STOP_LOSS = 0.05
 """Increase of their force per speed of approach [ms/mm^3]."""
 CUSHION, STOP_CUSHION = 0.5, 3.0
 """Volume before and behind seat and stop over which their stiffness sets in [mm^3], 10 and 100 micrometres of lift."""
+SEATED = 1.0
+"""Volume to either side of the seat over which it is rounded what room the valve makes [mm^3]."""
 RETURN_SPAN = 0.3
 """Lift over which the outlet opens again on the return [mm]."""
 LIFTED = 0.3
@@ -101,10 +103,10 @@ def swept(u):  # type: ignore[no-untyped-def]
     A seat that is pressed in takes no room: its stiffness is that of a search. Under a rail of 1850 bar it was as soft
     as a chamber of 150 mm^3, and the fuel became stiffer by as much.
     """
-    if u >= CUSHION:
+    if u >= SEATED:
         return u, 1.0
-    share = max(0.5 * (u + CUSHION) / CUSHION, 0.0)
-    return share * share * CUSHION, share
+    share = max(0.5 * (u + SEATED) / SEATED, 0.0)
+    return share * share * SEATED, share
 
 
 @njit(cache=True, error_model="numpy")
