@@ -330,11 +330,28 @@ def test_a_scale_by_convention_is_applied_another_refused(tmp_path: Path):
             store.create_dataset(name, data=np.round((TORQUE - 3.0) / 0.01).astype("i2"))
         store["cf"].attrs.update({"scale_factor": 0.01, "add_offset": 3.0})
         store["own"].attrs["scale"] = 0.01
+        store.create_dataset("counts", data=store["own"][:]).attrs["Gain"] = 0.9
+        store.create_dataset("amplified", data=TORQUE).attrs["Gain"] = 100.0
         store.create_dataset("float", data=TORQUE).attrs["scale"] = 0.01
     assert_torque(hdf5.read(file, (spec(file, "", "cf"),), ""), atol=0.0051)
     with pytest.raises(Refusal, match=r"holds int16 and the attribute scale = 0.01, which is not applied"):
         hdf5.read(file, (spec(file, "", "own"),), "")
+    with pytest.raises(Refusal, match=r"holds int16 and the attribute Gain = 0.9, which is not applied"):
+        hdf5.read(file, (spec(file, "", "counts"),), "")
     assert [f.code for f in hdf5.read(file, (spec(file, "", "float"),), "").findings] == ["scale_not_applied"]
+    assert not hdf5.read(file, (spec(file, "", "amplified"),), "").findings, "it is the amplifier's"
+
+
+def test_whole_numbers_of_a_tdms_with_a_gain_that_nobody_applies_are_refused(tmp_path: Path):
+    """912 bar had been read as 1013, and called explained."""
+    file = tmp_path / "run.tdms"
+    with TdmsWriter(file) as writer:
+        counts = np.round(TORQUE / 0.01).astype("i2")
+        writer.write_segment([ChannelObject("log", "P", counts, {"Gain": 0.9, "wf_increment": 5e-5}),
+                              ChannelObject("log", "Q", counts, {"Gain": 1.0, "wf_increment": 5e-5})])  # fmt: skip
+    with pytest.raises(Refusal, match=r"channel 'P' holds int16 and the property Gain = 0.9, which is not applied"):
+        tdms.read(file, (spec(file, "log", "P"),), "")
+    assert tdms.read(file, (spec(file, "log", "Q"),), "").channels[0].source.n_samples == TORQUE.size
 
 
 def test_a_pandas_index_of_durations_is_the_time(tmp_path: Path):

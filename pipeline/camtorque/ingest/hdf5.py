@@ -6,7 +6,6 @@ The rate is an attribute of the data set, its group or the file; or the times ar
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Container, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -23,18 +22,18 @@ from camtorque.ingest.hdf5_heaps import check_chunks, check_heaps
 from camtorque.ingest.header import column_number, numbered_name
 from camtorque.ingest.raw import CallSource, FileChannel, RawFile, refuse_bomb, refusing
 from camtorque.ingest.stamps import date_of
-from camtorque.ingest.stored import Stored, listing_of, read_stored
+from camtorque.ingest.stored import Stored, listing_of, plain, read_stored, unused_scales
 from camtorque.records import Finding, Refusal
 from camtorque.units import did_you_mean, unit_factor
 
 RATE_NAMES = ("sampleratehz", "samplingratehz", "samplerate", "samplingrate", "samplingfrequency", "samplefrequency",
               "samplingfreq", "ratehz", "fshz", "fs", "abtastrate", "abtastfrequenz", "messrate")  # fmt: skip
-STEP_NAMES = ("wfincrement", "timesteps", "dts", "dt", "sampleinterval", "samplinginterval", "abtastintervall")
-START_NAMES = ("t0s", "starttimes", "wfstartoffset", "t0")
+STEP_NAMES = ("wfincrement", "timesteps", "dts", "dt", "deltat", "tinterval", "sampleinterval", "samplinginterval",
+              "abtastintervall")  # fmt: skip
+START_NAMES = ("t0s", "starttimes", "wfstartoffset", "t0", "tstart")
 COLUMN_NAMES = ("columns", "columnnames", "names", "channels", "channelnames", "fields", "labels")
 UNIT_NAMES = ("unit", "units", "unitstring", "einheit")
-SCALE_NAMES = ("scale", "slope", "factor", "scaling", "multiplier")
-"""Attributes in small letters without blanks and underscores; scales that follow no convention are never applied."""
+"""Attributes in small letters without blanks and underscores."""
 MOST_COLUMNS = 64
 """A matrix of more columns, or of as many columns as rows, is no log of channels."""
 MATLAB_OBJECT = (
@@ -286,11 +285,6 @@ def _first(attributes: Mapping[str, Any], names: tuple[str, ...]) -> Any:
     return value.decode() if isinstance(value, bytes) else value
 
 
-def plain(name: str) -> str:
-    """Return a name in small letters without blanks, dashes and underscores."""
-    return re.sub(r"[ _-]", "", name).lower()
-
-
 def _scale_findings(path: Path, data: h5py.Dataset) -> tuple[Finding, ...]:
     """Tell attributes that look like a scale and follow no convention: nobody says whether they are applied already.
 
@@ -298,12 +292,7 @@ def _scale_findings(path: Path, data: h5py.Dataset) -> tuple[Finding, ...]:
     ------
     Refusal : beside whole numbers, which are hardly scaled
     """
-    numbers = {
-        name: float(value)
-        for name, value in data.attrs.items()
-        if plain(name) in SCALE_NAMES and np.size(value) == 1 and np.asarray(value).dtype.kind in "fiu"
-    }
-    unused = ", ".join(f"{name} = {value:g}" for name, value in numbers.items() if value not in (0.0, 1.0))
+    unused = unused_scales(data.attrs, data.dtype)
     if not unused:
         return ()
     text = (

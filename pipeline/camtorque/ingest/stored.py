@@ -7,7 +7,8 @@ samples were taken, is told here. What stands in the columns of a table is told 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Container, Iterable, Sequence
+import re
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -30,6 +31,10 @@ LEAST_PAUSE = 0.05
 """Dates that leave the time of the samples before by less are those of a loop that reads blocks [s]."""
 MOST_SHOWN = 12
 """Channels that a refusal lists."""
+SCALE_NAMES = ("scale", "slope", "factor", "scaling", "multiplier")
+GAIN_NAMES = ("gain", "lsb", "voltsperbit", "vperbit", "voltspercount", "unitsperbit")
+"""Attributes, as `plain` has them, that look like a scale and follow no convention: they are never applied. A gain is
+one beside whole numbers, beside others it may be that of an amplifier."""
 
 
 @dataclass(frozen=True)
@@ -192,3 +197,19 @@ def _dated(item: Stored, rate: float) -> tuple[float | None, NDArray[np.int64], 
     late = np.diff(zero)
     paused = np.flatnonzero((np.abs(late) > LEAST_PAUSE) & (at[1:] > 0) & (at[1:] < item.source.n_samples))
     return (float(zero[0]) if zero.size else None), at[1:][paused], late[paused]
+
+
+def plain(name: str) -> str:
+    """Return a name in small letters without blanks, dashes and underscores."""
+    return re.sub(r"[ _-]", "", name).lower()
+
+
+def unused_scales(attributes: Mapping[str, Any], kind: np.dtype[Any]) -> str:
+    """Return the attributes beside values of a kind that look like a scale of them, with their numbers; "" for none."""
+    names = (*SCALE_NAMES, *GAIN_NAMES) if kind.kind in "iu" else SCALE_NAMES
+    numbers = {
+        name: float(value)
+        for name, value in attributes.items()
+        if plain(name) in names and np.size(value) == 1 and np.asarray(value).dtype.kind in "fiu"
+    }
+    return ", ".join(f"{name} = {value:g}" for name, value in numbers.items() if value not in (0.0, 1.0))

@@ -26,7 +26,7 @@ from nptdms.timestamp import TdmsTimestamp
 from camtorque.config import ChannelSpec
 from camtorque.ingest.columns import time_beside
 from camtorque.ingest.raw import CallSource, FileChannel, FileSource, Piece, RawFile, refusing
-from camtorque.ingest.stored import Stored, chosen, listing_of, read_stored
+from camtorque.ingest.stored import Stored, chosen, listing_of, read_stored, unused_scales
 from camtorque.records import Finding, Refusal, SampleSource
 
 LEAD_IN = 28
@@ -53,7 +53,13 @@ def read(path: Path, specs: tuple[ChannelSpec, ...], hint: str) -> RawFile:
         held = [((group.name,), channel.name, channel) for group in file.groups() for channel in group.channels()]
 
         def find(group: str, name: str) -> Stored:
-            item = _stored(file, path, chosen(path, held, group, name), begun)
+            channel = chosen(path, held, group, name)
+            item = _stored(file, path, channel, begun)
+            if channel.dtype.kind in "iu" and (unused := unused_scales(channel.properties, channel.dtype)):
+                raise Refusal(
+                    f"{path}: channel {name!r} holds {channel.dtype} and the property {unused}, which is not applied: "
+                    "write the values scaled, or with a linear scale as NI loggers do"
+                )
             if findings and not item.source.n_samples:
                 raise Refusal(f"{path}: channel {name!r} in group {item.group!r} holds no samples; the file is cut: "
                               "copy it from the logger again")  # fmt: skip

@@ -19,7 +19,7 @@ from camtorque.config import ChannelSpec
 from camtorque.ingest import hdf5
 from camtorque.ingest.columns import time_beside
 from camtorque.ingest.raw import ArraySource, FileChannel, RawFile
-from camtorque.ingest.stored import Stored, listing_of, read_stored
+from camtorque.ingest.stored import Stored, listing_of, plain, read_stored
 from camtorque.records import Refusal
 from camtorque.units import did_you_mean
 
@@ -106,18 +106,18 @@ def beside(members: Members, group: str) -> dict[str, Any]:
                 continue
             kind, only = array.dtype.kind, array.ravel()[0]
             if is_rate_name(name) and kind in "fiu" and only > 0:
-                plain_name = hdf5.plain(name)
+                plain_name = plain(name)
                 found["rate"] = float(only) if plain_name in hdf5.RATE_NAMES else 1.0 / float(only)
-            if hdf5.plain(name) in (*hdf5.START_NAMES, *hdf5.STAMP_NAMES) and place and kind in "fiuU":
+            if plain(name) in (*hdf5.START_NAMES, *hdf5.STAMP_NAMES) and place and kind in "fiuU":
                 found["start"] = only.item()
-            if hdf5.plain(name) in hdf5.UNIT_NAMES and place and kind == "U":
+            if plain(name) in hdf5.UNIT_NAMES and place and kind == "U":
                 found["unit"] = str(only)
     return found
 
 
 def is_rate_name(name: str) -> bool:
     """Tell a variable that by its name holds a sampling rate, or the time from sample to sample [s]."""
-    return hdf5.plain(name) in (*hdf5.RATE_NAMES, *hdf5.STEP_NAMES)
+    return plain(name) in (*hdf5.RATE_NAMES, *hdf5.STEP_NAMES)
 
 
 def _numbers(path: Path, members: Members, place: tuple[str, str], names: tuple[str, ...]) -> np.ndarray:
