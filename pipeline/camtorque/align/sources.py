@@ -16,18 +16,13 @@ from camtorque.align.teeth import broken_before, mark_misfit, number_counts, num
 from camtorque.config import TriggerSpec
 from camtorque.records import Array, Channel, Finding, Integers, Recording, Refusal
 from camtorque.signal.edges import Edges, find_edges
-from camtorque.signal.inductive import find_crossings
+from camtorque.signal.inductive import TURNED, find_crossings, find_pulses
 from camtorque.signal.threshold import Threshold
 from camtorque.units import RPM, TURN
 
-TURNED = {"rising": "falling", "falling": "rising"}
 CLEARLY = Threshold(
     0.5, "1", "simulated rigs",
     "The crossings of the other polarity have to fit the gap this much better: the gap bends the waves beside it."
-)  # fmt: skip
-AROUND = Threshold(
-    3.0, "1", "physics",
-    "The two half waves of a single tooth are this much nearer to each other than to those of the next one."
 )  # fmt: skip
 SINGLE = Threshold(
     0.1, "1", "convention",
@@ -85,11 +80,10 @@ def _wheel(recording: Recording, channel: Channel) -> TriggerTrain:
     """Return the pulses of a trigger or tooth wheel."""
     spec = recording.config.trigger
     index = _index(recording, channel)
-    coil = spec.sensor == "inductive"
-    if coil and spec.missing_teeth:
+    if spec.sensor == "inductive" and spec.missing_teeth:
         edges, train = _coil_with_gap(channel, spec, index)
     else:
-        edges = _coil_of_single_teeth(channel, spec.edge) if coil else find_edges(channel, spec.edge)
+        edges = find_pulses(channel, spec.sensor, spec.edge)
         _refuse_single_pulse(edges.time, recording, channel.where)
         train = number_teeth(edges.time, spec, channel.where, index)
     return TriggerTrain(channel, edges, train, spec.pulses_per_cycle)
@@ -106,23 +100,6 @@ def _refuse_single_pulse(time: Array, recording: Recording, where: str) -> None:
             f"{where}: found one pulse in a turn of the nominal {nominal / RPM:g} rpm, expected {spec.pulses_per_rev} "
             "as pulses_per_rev in [trigger] says; write pulses_per_rev = 1, or correct nominal_speed_rpm"
         )
-
-
-def _coil_of_single_teeth(channel: Channel, declared: str) -> Edges:
-    """Return the crossings at the teeth of a coil; of single teeth the others lie where no tooth passes."""
-    edges = find_crossings(channel, declared)
-    after = np.searchsorted(edges.opposite, edges.time)
-    inner = (after > 0) & (after < edges.opposite.size)
-    begun, ended = edges.opposite[after[inner] - 1], edges.opposite[after[inner]]
-    before, behind = edges.time[inner] - begun, ended - edges.time[inner]
-    if not inner.any() or np.median(before) <= AROUND * np.median(behind):
-        return edges
-    turned = find_crossings(channel, TURNED[declared])
-    text = (
-        f"the inductive pick-up crosses zero {turned.edge} at the teeth and {declared}, as declared, only between "
-        "them: its wires are exchanged, or edge in [trigger] is wrong; the crossings at the teeth are taken"
-    )
-    return replace(turned, findings=(*turned.findings, Finding("trigger_inverted", "warning", text, channel.where)))
 
 
 def _coil_with_gap(channel: Channel, spec: TriggerSpec, index: Array | None) -> tuple[Edges, PulseTrain]:

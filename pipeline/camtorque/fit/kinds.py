@@ -270,7 +270,8 @@ def weighed_losses(
     found = loss_evidence(best.problem, best.solution, cov, odd_even)
     usual = next((other.candidate for name, other in others.items()
                   if other.probability > UNSURE and KINDS[name].is_without(other.candidate)), None)  # fmt: skip
-    if usual is None or EITHER_LOSS in [row.name for row in found]:
+    left_open = any(row.verdict == "cannot tell" for row in found)
+    if usual is None or not left_open or EITHER_LOSS in [row.name for row in found]:
         return found
     sure = narrowed(covariance(usual.problem, usual.solution), usual.solution)
     rows = loss_evidence(usual.problem, usual.solution, sure, odd_even)

@@ -57,10 +57,11 @@ def told_otherwise(motion: Motion, chain: ChainInput, passed: Array) -> float:
     waves = waves_of(places, np.arange(1, highest + 1))
     columns = np.column_stack([np.ones(places.size), waves])
     apart = passed[:, 1] - leads_at(motion, chain, places)
-    size = np.linalg.pinv(columns) @ apart
+    inverse = np.linalg.pinv(columns)
+    size = inverse @ apart
     noise = np.sum((apart - columns @ size) ** 2) / (places.size - size.size)
     # errors of teeth have all orders alike: their share is no swing
-    shown = size**2 - noise * np.diag(np.linalg.pinv(columns.T @ columns))
+    shown = size**2 - noise * np.sum(inverse**2, axis=1)
     return float(np.sqrt(max(0.5 * np.sum(shown[1:].reshape(2, -1)[:, RUNOUT:]), 0.0)))
 
 

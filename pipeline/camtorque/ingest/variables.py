@@ -104,13 +104,12 @@ def beside(members: Members, group: str) -> dict[str, Any]:
         for (other, name), array in members.items():
             if other != place or array.size != 1:
                 continue
-            kind, only = array.dtype.kind, array.ravel()[0]
+            kind, only, known_by = array.dtype.kind, array.ravel()[0], plain(name)
             if is_rate_name(name) and kind in "fiu" and only > 0:
-                plain_name = plain(name)
-                found["rate"] = float(only) if plain_name in hdf5.RATE_NAMES else 1.0 / float(only)
-            if plain(name) in (*hdf5.START_NAMES, *hdf5.STAMP_NAMES) and place and kind in "fiuU":
+                found["rate"] = float(only) if known_by in hdf5.RATE_NAMES else 1.0 / float(only)
+            if known_by in (*hdf5.START_NAMES, *hdf5.STAMP_NAMES) and place and kind in "fiuU":
                 found["start"] = only.item()
-            if plain(name) in hdf5.UNIT_NAMES and place and kind == "U":
+            if known_by in hdf5.UNIT_NAMES and place and kind == "U":
                 found["unit"] = str(only)
     return found
 

@@ -8,12 +8,12 @@ straight line through the samples in the middle of the flank.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from camtorque.records import Array, Channel, Integers, Refusal
+from camtorque.records import Array, Channel, Finding, Integers, Refusal
 from camtorque.signal.damage import NO_VOLTAGE
 from camtorque.signal.edges import Edges, find_edges, missing_finding
 from camtorque.signal.levels import without_missing
@@ -39,8 +39,13 @@ HUM_BELOW = Threshold(
     "Lowest half wave of a tooth over the highest of a hum between single teeth; the wave beside a gap of one to three "
     "teeth is 1.5 to 2.3 times as high as the others."
 )  # fmt: skip
+AROUND = Threshold(
+    3.0, "1", "physics",
+    "The two half waves of a single tooth are this much nearer to each other than to those of the next one."
+)  # fmt: skip
 LEAST_TEETH = 4
 """Half waves of teeth that a hum is told from."""
+TURNED = {"rising": "falling", "falling": "rising"}
 MIDDLE_OF_FLANK = 0.4
 """Part of the lower half wave up to which a flank is straight."""
 MOST_FLANK = 24
@@ -228,6 +233,23 @@ def _reach(values: Array, start: Integers, limit: Array, way: int) -> Integers:
     return reach
 
 
+def _of_single_teeth(channel: Channel, declared: str) -> Edges:
+    """Return the crossings at the teeth of a coil; of single teeth the others lie where no tooth passes."""
+    edges = find_crossings(channel, declared)
+    after = np.searchsorted(edges.opposite, edges.time)
+    inner = (after > 0) & (after < edges.opposite.size)
+    begun, ended = edges.opposite[after[inner] - 1], edges.opposite[after[inner]]
+    before, behind = edges.time[inner] - begun, ended - edges.time[inner]
+    if not inner.any() or np.median(before) <= AROUND * np.median(behind):
+        return edges
+    turned = find_crossings(channel, TURNED[declared])
+    text = (
+        f"the inductive pick-up crosses zero {turned.edge} at the teeth and {declared}, as declared, only between "
+        "them: its wires are exchanged, or edge in [trigger] is wrong; the crossings at the teeth are taken"
+    )
+    return replace(turned, findings=(*turned.findings, Finding("trigger_inverted", "warning", text, channel.where)))
+
+
 def find_pulses(channel: Channel, sensor: str, edge: str) -> Edges:
     """Return the declared edge of every pulse of a pick-up, for `check` and for `align`; ``sensor`` as in [trigger].
 
@@ -235,4 +257,4 @@ def find_pulses(channel: Channel, sensor: str, edge: str) -> Edges:
     ------
     Refusal : no pulses in the channel
     """
-    return (find_crossings if sensor == "inductive" else find_edges)(channel, edge)
+    return _of_single_teeth(channel, edge) if sensor == "inductive" else find_edges(channel, edge)
