@@ -80,7 +80,8 @@ class Recording(RecordingRecord):
         trigger : (n,) one pulse per revolution, rising where the cam passes ``trigger_angle_deg``; any unit
         pressure : (m,) pressure in the line at the pump, gauge [Pa]; masked samples are missing
         torque : (k,) drive torque, positive where it drives the cam [N m]; None to align only
-        sample_rate : [Hz], one for all arrays or one by name; sample 0 of all was taken at the same time
+        sample_rate : [Hz], one for all arrays or one by name; sample 0 of all was taken at the same time, which the
+            index of a pandas series has to agree with
         speed_rpm : nominal cam speed [rpm]
         trigger_angle_deg, trigger_tolerance_deg : nominal cam angle of the pulse, half width of its tolerance [deg]
         trigger_delay : switching delay that is still in ``trigger`` [s]
@@ -95,8 +96,9 @@ class Recording(RecordingRecord):
         Raises
         ------
         Refusal : an array that is empty, not of one dimension or without a finite number; arrays of different lengths
-            at one rate; no positive rate or speed; an angle, delay, tolerance or uncertainty that none can be; a sensor
-            of another name; a blank name; torque and pressure that cannot come from this pump
+            at one rate; a series whose index tells other times; no positive rate or speed; an angle, delay, tolerance
+            or uncertainty that none can be; a sensor of another name; a blank name; torque and pressure that cannot
+            come from this pump
 
         Examples
         --------

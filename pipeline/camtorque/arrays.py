@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from camtorque.config import ChannelSpec, LoggerSpec, RecordingConfig, SensorRef, TriggerSpec
 from camtorque.config.pump import PumpConfig
@@ -33,6 +33,9 @@ WIDE_GAIN_STD, WIDE_ZERO_SHARE, WIDE_DELAY_STD = 0.01, 0.005, 5.0e-5
 1 with a certificate stays within half of the first two; the third is half a sample at 10 kHz."""
 MOST_GAIN_STD, MOST_ORDER = 0.5, 20
 """Relative gain [-] and order of a filter beyond which a number is a slip of unit."""
+ODD_STEP, ODD_START, MOST_DRIFT = 1.5, 0.01, 1.0e-3
+"""A step in a series' index from which on it is odd, and beginnings that are two, in sampling intervals; relative
+difference of the rate that the index tells from ``sample_rate`` which is none of rounding."""
 TABLE_ANGLES = 720
 """Angles at which a cam that is given by sections is tabulated: every half degree."""
 
@@ -115,6 +118,7 @@ def recording_from_arrays(
             f"arrays at one sample_rate: found {', '.join(f'{size} of {name}' for name, size in sizes.items())} "
             "samples, expected as many of each; give a sample_rate by name, or cut them to what they share"
         )
+    _refuse_other_times({name: arrays[name] for name in values}, every)
     channels = tuple(
         _channel(quantity, array, every[quantity], sensors.get(quantity)) for quantity, array in values.items()
     )
@@ -158,6 +162,50 @@ def _checked(values: ArrayLike, quantity: str) -> Array:
     if np.isnan(array).all():
         raise Refusal(f"{quantity}: found no finite number among {array.size} samples, expected readings in SI")
     return array
+
+
+def _refuse_other_times(arrays: Mapping[str, ArrayLike], rates: Mapping[str, float]) -> None:
+    """Refuse series whose index says that their samples are not evenly spaced at the rate, or do not begin together."""
+    begun: dict[str, tuple[str, float]] = {}
+    for name, array in arrays.items():
+        index: Any = getattr(array, "index", None)
+        if not hasattr(index, "to_numpy"):
+            continue
+        values = np.asarray(index.to_numpy())
+        kind = "dates" if values.dtype.kind in "mM" else "numbers"
+        if kind == "numbers" and values.dtype.kind not in "iuf":
+            continue
+        seconds = _index_seconds(values, rates[name])
+        _refuse_uneven(name, seconds, rates[name])
+        other, first = begun.setdefault(kind, (name, float(seconds[0])))
+        if abs(seconds[0] - first) * rates[name] > ODD_START:
+            raise Refusal(
+                f"{name}: found an index that begins {seconds[0] - first:.6g} s from that of {other}, expected one "
+                "beginning; cut them to what they share, or give to_numpy() of each if the indices mean nothing"
+            )
+
+
+def _index_seconds(values: NDArray[Any], rate: float) -> Array:
+    """Return the times that the index of a pandas series tells [s]; whole numbers, or steps of one, count samples."""
+    if values.dtype.kind in "mM":
+        return np.asarray((values - np.zeros(1, values.dtype)) / np.timedelta64(1, "s"))
+    counts = values.dtype.kind in "iu" or bool(np.all(np.diff(values) == 1.0))
+    return np.asarray(values / rate if counts else values, dtype=np.float64)
+
+
+def _refuse_uneven(name: str, seconds: Array, rate: float) -> None:
+    steps = np.diff(seconds)
+    usual = max(1.0 / rate, float(np.median(steps[steps > 0.0]))) if np.any(steps > 0.0) else 1.0 / rate
+    # rounded times are shared by samples, and step by more than one
+    odd = np.flatnonzero(~((steps >= 0.0) & (steps < ODD_STEP * usual)))
+    mean = float(np.mean(steps))
+    if odd.size or abs(mean * rate - 1.0) > MOST_DRIFT + usual * rate / steps.size:
+        found = f"{steps[odd[0]]:.6g} s behind sample {odd[0]}" if odd.size else f"{mean:.6g} s"
+        raise Refusal(
+            f"{name}: found an index that steps by {found}, expected {1.0 / rate:.6g} s at a sample_rate of {rate:g} "
+            "Hz; sort the series and keep missing samples as NaN, correct sample_rate, or give "
+            f"{name}.to_numpy() if the index means nothing"
+        )
 
 
 def _rate(rates: float | Mapping[str, float], quantity: str) -> float:

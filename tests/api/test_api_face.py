@@ -9,11 +9,14 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import camtorque
 import numpy as np
+import pandas as pd
 import pytest
 from camtorque import api
 from camtorque.records import Finding
@@ -103,6 +106,44 @@ def test_a_sensor_of_arrays_says_that_it_sits_in_the_chamber(pump_file: Path, ar
         assert all("mm of line lie before the sensor, expected 50 mm or less" in row.text for row in told)
     with pytest.raises(camtorque.Refusal, match=r"Sensor location: found 3, expected words such as 'plunger chamber'"):
         camtorque.Sensor(location=3)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("index", "refused"),
+    [
+        (lambda n: None, ""),
+        (lambda n: np.arange(n) / 50e3, ""),
+        (lambda n: np.arange(n) + 7, ""),
+        (lambda n: 1.0 * np.arange(n), ""),
+        (lambda n: np.round(np.arange(n) / 50e3, 4), ""),
+        (lambda n: pd.date_range("2024-05-01", periods=n, freq="20us"), ""),
+        (lambda n: pd.timedelta_range("1s", periods=n, freq="20us"), ""),
+        (lambda n: list(map(str, range(n))), ""),
+        (lambda n: np.arange(n)[::-1], "index that steps by -2e-05 s behind sample 0, expected 2e-05 s"),
+        (lambda n: np.arange(n) + 3 * (np.arange(n) > 99), "8e-05 s behind sample 99, .* keep missing samples"),
+        (lambda n: np.arange(n) / 50.0, "steps by 0.02 s, expected 2e-05 s at a sample_rate of 50000 Hz"),
+    ],
+)  # fmt: skip
+def test_the_index_of_a_series_agrees_with_the_sample_rate(
+    pump_file: Path, arrays: dict[str, np.ndarray], index: Callable[[int], Any], refused: str
+) -> None:
+    trigger = pd.Series(arrays["trigger"], index=index(arrays["trigger"].size))
+    if refused:
+        with pytest.raises(camtorque.Refusal, match=refused):
+            recording(pump_file, {**arrays, "trigger": trigger})
+    else:
+        found = recording(pump_file, {**arrays, "trigger": trigger}).of("trigger")[0]
+        assert np.array_equal(found.read(), arrays["trigger"], equal_nan=True)
+
+
+def test_series_that_begin_apart_are_refused(pump_file: Path, arrays: dict[str, np.ndarray]) -> None:
+    """A trigger cut 0.5 ms later than the torque was laid over it as if both had begun at once."""
+    series = {name: pd.Series(x, index=1.0 + np.arange(x.size) / RATES[name]) for name, x in arrays.items()}
+    assert recording(pump_file, series).of("torque")[0].n_samples == arrays["torque"].size
+    late = {**series, "trigger": series["trigger"].iloc[25:]}
+    with pytest.raises(camtorque.Refusal, match=r"trigger: found an index that begins 0\.0005 s from that of "):
+        recording(pump_file, late)
+    assert recording(pump_file, {**late, "trigger": late["trigger"].to_numpy()})
 
 
 def test_arrays_in_another_unit_and_sensors_of_another_name_are_told(

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from camtorque.config import ChannelSpec
-from camtorque.ingest import csv_layout
+from camtorque.ingest import csv_layout, csv_log
 from camtorque.ingest.csv_log import channels, read
 from camtorque.ingest.raw import RawFile
 from camtorque.records import Refusal
@@ -24,9 +24,9 @@ def rows(separator: str = ";") -> list[str]:
     return [separator.join((f"{t:.5f}", f"{a:.2f}", f"{b:.1f}")) for t, a, b in values]
 
 
-def log(folder: Path, *lines: str) -> RawFile:
+def log(folder: Path, *lines: str, end: str = "\n") -> RawFile:
     file = folder / "log.csv"
-    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    file.write_text(end.join(lines) + end, encoding="utf-8")
     wanted = (("torque", "Torque", "N m"), ("pressure", "Pressure", "bar"))
     return read(file, tuple(ChannelSpec(q, file, "", name, unit, "L", RATE, "") for q, name, unit in wanted), "")
 
@@ -77,6 +77,19 @@ def test_apostrophes_and_blanks_between_thousands(tmp_path: Path, sign: str, dec
     body = [line.replace(".", decimal) for line in rows()]
     body = [line[:-5] + sign + line[-5:] for line in body]
     assert_read(log(tmp_path, HEAD, *body), "csv_thousands")
+
+
+@pytest.mark.parametrize("end", ["\n\n", "\r\n\r\n", "\r\n \t\r\n"])
+def test_a_blank_line_behind_each_row_is_left_out(tmp_path: Path, end: str, monkeypatch: pytest.MonkeyPatch):
+    """Refused as not equidistant: each blank line was read as a missing sample."""
+    monkeypatch.setattr(csv_log, "BLOCK_BYTES", 1001)  # the borders of blocks lie anywhere
+    assert_read(log(tmp_path, HEAD, *rows(), end=end), "csv_spaced")
+
+
+def test_a_blank_line_now_and_then_is_a_missing_sample(tmp_path: Path):
+    raw = log(tmp_path, HEAD, *rows()[:9], "", *rows()[10:])
+    assert np.flatnonzero(np.isnan(raw.channels[0].source.read(0, ROWS))).tolist() == [9]
+    assert "csv_rows_damaged" in {finding.code for finding in raw.findings}
 
 
 def test_a_minus_of_typography_is_one(tmp_path: Path):

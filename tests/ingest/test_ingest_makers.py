@@ -386,7 +386,7 @@ def test_a_variable_is_timed_by_the_one_named_after_it(tmp_path: Path):
     assert pressure.start_time - torque.start_time == pytest.approx(0.012, abs=1e-9)
 
 
-@pytest.mark.parametrize("step", ["dt", "Sample_Interval", "Tinterval"])
+@pytest.mark.parametrize("step", ["dt", "Ts", "Sample_Interval", "Tinterval"])
 def test_step_and_start_in_the_struct_of_a_channel_count(tmp_path: Path, step: str):
     held = {name: {"Data": TORQUE, step: 1.0 / RATE, "Start": start} for name, start in (("T", 0.0), ("P", 0.25))}
     torque, pressure = mat_channels(tmp_path / "log.mat", held, ("T", "Data"), ("P", "Data"))

@@ -56,6 +56,14 @@ def test_a_clock_set_back_is_no_log_appended():
     assert [f.code for f in read_stamps(ArraySource(times), 10_000.0, "log").findings] == ["time_not_monotonic"]
 
 
+@pytest.mark.parametrize(("hours", "told"), [(-1.0, True), (1.0, True), (-0.9, False)])
+def test_a_clock_set_to_summer_or_winter_time_is_told_as_that(hours: float, told: bool):
+    times = stamps(10_000.0, 1000) + 3.0e4
+    times[600:] += 3600.0 * hours
+    (finding,) = read_stamps(ArraySource(times), 10_000.0, "log").findings
+    assert ("was the clock set to summer or winter time? export the log in UTC" in finding.text) == told
+
+
 @settings(deadline=None)
 @given(at=st.integers(2, 990), size=st.floats(1e-3, 1e3))
 def test_one_wrong_stamp_is_not_a_jump(at: int, size: float):

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import pytest
 from camtorque.config import ChannelSpec
 from camtorque.ingest import read_recording
+from camtorque.ingest.cells import header_date
 from camtorque.ingest.starts import starts as begin_times
 from camtorque.ingest.starts import time_findings
 from camtorque.records import Recording
@@ -98,6 +99,51 @@ def test_a_start_that_is_stated_goes_before_times_that_count_from_anywhere(tmp_p
     recording = read_recording(folder)
     assert starts(recording) == {"torque": 0.125, "pressure": begun, "trigger": begun}
     assert told(recording) == []
+
+
+@pytest.mark.parametrize(
+    "head",
+    ["# Start: {:%Y-%m-%d %H:%M:%S.%f}", "Start time;{:%d.%m.%Y %H:%M:%S.%f}", "% begin = {:%Y/%m/%dT%H:%M:%S.%fZ}"],
+)
+@pytest.mark.parametrize(("first", "apart"), [(0.0, 0.0005), (7.25, 0.0)], ids=["from 0 s", "counts from elsewhere"])
+def test_the_date_of_a_start_in_a_header_of_a_text_counts(tmp_path: Path, head: str, first: float, apart: float):
+    """Of logs that began 0.5 ms apart the trigger was 0.6 degrees off, which their headers told."""
+    log = replace(LOG, start=first, times=LOG.times - LOG.start + first)
+    parts = [replace(log, logger=q.upper(), volts={q: v}) for q, v in log.volts.items()]
+    folder = write_folder(tmp_path / "r", parts, replace(PLANS["csv"], clock="synchronised"))
+    for name in ("TORQUE", "PRESSURE", "TRIGGER"):
+        begun = logs.START + timedelta(milliseconds=0.5 * (name == "PRESSURE"))
+        file = folder / f"{name}.csv"
+        file.write_bytes(head.format(begun).encode() + b"\r\n" + file.read_bytes())
+    assert starts(read_recording(folder)) == {"torque": first, "pressure": first + apart, "trigger": first}
+
+
+def test_the_date_of_a_labview_measurement_counts(tmp_path: Path):
+    parts = [replace(LOG, logger=q.upper(), volts={q: v}) for q, v in LOG.volts.items()]
+    folder = write_folder(tmp_path / "r", parts, replace(PLANS["lvm"], clock="synchronised"))
+    for name in ("TORQUE", "PRESSURE", "TRIGGER"):
+        clock = f"12:03:04.{123456 + 500 * (name == 'PRESSURE')}"
+        text = (folder / f"{name}.lvm").read_text("utf-8")
+        head = text.replace("Channels\t1", f"Channels\t1\nDate\t2024/05/01\nTime\t{clock}", 1)
+        assert head != text
+        (folder / f"{name}.lvm").write_text(head, "utf-8")
+    begun = starts(read_recording(folder))
+    assert begun["pressure"].expected - begun["torque"].expected == pytest.approx(5e-4, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["Start: 2024-05-01 12:03:04", "Saved: 2024-05-01 12:03:04.123", "restart 2024-05-01 12:03:04.123",
+     "Start: 05/01/2024 12:03:04.123", "Start: 2024-02-30 12:03:04.123"],
+    ids=["whole seconds", "not of the start", "another word", "month or day first", "no day"],
+)  # fmt: skip
+def test_what_does_not_say_when_a_log_began_is_no_start(text: str):
+    assert header_date([text]) is None
+
+
+def test_the_zone_of_a_start_in_a_header_counts():
+    zoned, plain = (header_date([f"Start: 2024-05-01 12:03:04.125{zone}"]) for zone in ("+02:00", ""))
+    assert (zoned, plain) == (1714557784.125, 1714564984.125)
 
 
 def test_a_start_beside_a_date_is_told_and_not_used(tmp_path: Path):

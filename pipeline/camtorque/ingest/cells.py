@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from datetime import UTC, datetime
 
 import numpy as np
@@ -54,6 +55,15 @@ NO_VALUE = 9.0e36
 """Instruments print 9.9E+37 for a value beyond their range, 9.91E+37 for none (SCPI 1999, 7.2.1.4)."""
 
 
+START_DATE = re.compile(
+    r"(?<![a-z])(start\w*|begin\w*|first[ _-]?sample)\b[^\d]{0,24}"
+    r"(?P<date>\d{4}([-/.])\d\d\3\d\d|(?P<day>\d\d)\.(?P<month>\d\d)\.(?P<year>\d{4}))[T ]+"
+    r"(?P<clock>\d\d:\d\d:\d\d[.,]\d{3,9}) ?(?P<zone>Z|[+-]\d\d:?\d\d)?",
+    re.IGNORECASE,
+)
+"""A start in whole seconds would lay logs apart that began together."""
+
+
 def unwrapped(stamps: NDArray[np.float64], kind: str, before: float = np.nan) -> NDArray[np.float64]:
     """Return stamps that run on where they start again without a date: a test may run over midnight.
 
@@ -81,6 +91,24 @@ def day_of(text: str) -> float | None:
         return datetime(year + (CENTURY if year < 100 else 0), month, day, tzinfo=UTC).timestamp()
     except ValueError:
         return None
+
+
+def header_date(header: list[str]) -> float | None:
+    """Return the date of the start that a header states to a thousandth of a second [s since 1970], None without one.
+
+    Dates with slashes and the year last read two ways and are none.
+    """
+    for match in filter(None, map(START_DATE.search, header)):
+        date = "-".join(match.group("year", "month", "day")) if match["year"] else re.sub(r"[/.]", "-", match["date"])
+        with suppress(ValueError):  # the 30th of February is no start
+            return seconds_of_date(f"{date}T{match['clock'].replace(',', '.')}{match['zone'] or ''}")
+    return None
+
+
+def seconds_of_date(text: str) -> float:
+    """Return a date and time of ISO 8601 in seconds since 1970; without a zone it counts as UTC."""
+    moment = datetime.fromisoformat(text)
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
 def is_word(field: str) -> bool:

@@ -174,7 +174,8 @@ def _times(
     where, stated = path.name, layout.header_rate and layout.header_rate / rows.step
     if column is None or times is None:
         rate, findings = agreed_rate(stated or spec.sample_rate, spec.sample_rate, where, "the header says")
-        return Stamps((layout.start or 0.0) + rows.start / rows.step / rate, rate, findings=findings), None
+        start = (layout.start or 0.0) + rows.start / rows.step / rate
+        return Stamps(start, rate, findings=findings), layout.header_date
     kind = layout.stamp_kind(column)
     factor = 1.0 if kind else _time_factor(times, layout.units[column], spec, where)
     base = read_stamps(times, spec.sample_rate, where, to_seconds=factor)
@@ -187,7 +188,9 @@ def _times(
         text = f"the header says {stated:.8g} Hz, the time column {base.rate:.8g} Hz, which is used"
         base = replace(base, findings=(*base.findings, Finding("header_rate_differs", "warning", text, where)))
     if not kind:
-        return _dated(base, factor)
+        dated = _dated(base, factor)
+        # which moment a header's date is of is plain only where the times count from it
+        return (base, layout.header_date) if dated[1] is None and abs(base.start) * base.rate < 1.0 else dated
     if kind in UNDATED:
         day = layout.date_of(column) if kind == "clock" else None
         return (base, None) if day is None else (replace(base, start=0.0), day + base.start)

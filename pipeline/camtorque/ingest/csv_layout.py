@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 
-from camtorque.ingest.cells import LEVELS, STAMPS, day_of, is_value, is_word
+from camtorque.ingest.cells import LEVELS, STAMPS, day_of, header_date, is_value, is_word
 from camtorque.ingest.csv_table import NAMES, SNIFF_LINES, Table, find_table, is_row, split_row
 from camtorque.ingest.header import MAYBE_TIME, TIME_NAME, column_number, header_rate, is_time_unit, names_in, names_of
 from camtorque.records import Finding
@@ -39,10 +39,12 @@ class CsvLayout:
     first_row : fields of the first data row
     surplus : names that the header has beyond the columns, at its end
     header_rate : sampling rate in the header [Hz], None where there is none
+    header_date : date of the start in the header [s since 1970], None where there is none
     thousands : sign between thousands, "" for none
     repeated : lines of the header, which some loggers write anew before each block
     words : numbers of the columns that hold words
     day_first : dates with slashes have their day first, as rows far below say
+    spaced : a blank line stands behind each row
     """
 
     encoding: str
@@ -56,10 +58,12 @@ class CsvLayout:
     header_rate: float | None
     surplus: tuple[str, ...] = ()
     start: float | None = None
+    header_date: float | None = None
     thousands: str = ""
     repeated: frozenset[str] = frozenset()
     words: frozenset[int] = frozenset()
     day_first: bool = False
+    spaced: bool = False
 
     @property
     def n_columns(self) -> int:
@@ -149,11 +153,18 @@ def sniff(path: Path, wanted: tuple[str, ...]) -> CsvLayout:
         units=units,
         first_row=tuple(row),
         header_rate=header_rate(lines[: table.usual], table.separator),
+        header_date=header_date(lines[: table.usual]),
         surplus=surplus,
         thousands=table.thousands,
         repeated=frozenset(line for line in header if line.strip() and not _width(table, line)),
         words=table.words,
+        spaced=_is_spaced(lines[table.first : table.first + SNIFF_LINES]),
     )
+
+
+def _is_spaced(lines: list[str]) -> bool:
+    """Tell rows with a blank line behind each."""
+    return len(lines) > 3 and all(map(str.strip, lines[::2])) and not any(map(str.strip, lines[1::2]))
 
 
 def _first_fields(rows: list[list[str]]) -> list[str]:
@@ -260,7 +271,7 @@ def is_other_header(fields: list[str], layout: CsvLayout) -> bool:
 
 
 def layout_findings(layout: CsvLayout, hint: str, where: str) -> list[Finding]:
-    """Tell a hint that does not fit, a header that is too long, points or commas that part thousands."""
+    """Tell a hint that does not fit, a header that is too long, blank lines, marks between thousands."""
     words, told = hint.lower(), {}
     separators = {name for name in NAMES.values() if re.search(rf"(?<!decimal ){name}", words)}
     decimals = {sign for word, sign in (("decimal point", "."), ("decimal comma", ",")) if word in words}
@@ -272,6 +283,8 @@ def layout_findings(layout: CsvLayout, hint: str, where: str) -> list[Finding]:
             f"the header has {len(layout.surplus)} more name(s) than the rows have fields; the last, "
             f"{', '.join(layout.surplus)}, are taken for empty"
         )
+    if layout.spaced:
+        told["csv_spaced"] = "a blank line stands behind each row and is left out; numbers of lines do not count them"
     if layout.thousands:
         sign = "a blank" if layout.thousands.isspace() else repr(layout.thousands)
         told["csv_thousands"] = f"{sign} stands between thousands (1{layout.thousands}234 is 1234) and is left out"

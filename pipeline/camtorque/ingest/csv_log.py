@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import math
+import re
 import tempfile
 import weakref
 from collections.abc import Iterator, Mapping
@@ -34,6 +35,7 @@ from camtorque.records import Array, Finding, Refusal, SampleSource
 BLOCK_BYTES = 8 * 2**20
 LONGEST_LINE = 2**20
 """A row of a thousand columns has 20 kilobytes [bytes]."""
+BLANK_LINES = re.compile(rb"^[ \t\r]*\n", re.MULTILINE)
 ALIKE_ROWS = 100
 """Rows before the last one that show whether its last field can lack digits: of a column that leaves out zeros at the
 end every tenth field is shorter."""
@@ -167,15 +169,16 @@ def _blocks(path: Path, layout: CsvLayout) -> Iterator[tuple[bytes, bool]]:
     rest, before, skip = b"", b"", layout.data_offset
     for piece in text_pieces(path, BLOCK_BYTES):
         whole, newline, rest = (rest + piece[skip:]).rpartition(b"\n")
+        whole = BLANK_LINES.sub(b"", whole + newline) if layout.spaced else whole + newline
         skip = max(skip - len(piece), 0)
         if len(rest) > LONGEST_LINE:
             raise Refusal(
                 f"{path}: a line of more than {LONGEST_LINE} bytes begins with {rest[:30]!r}; no row of a log is so "
                 "long: the file is damaged or no table"
             )
-        if newline:
-            before = (before + whole[-LONGEST_LINE:] + newline)[-LONGEST_LINE:]
-            yield whole + newline, False
+        if whole:
+            before = (before + whole[-LONGEST_LINE:])[-LONGEST_LINE:]
+            yield whole, False
     is_whole = is_whole_row(rest, before, layout)
     yield (rest + b"\n" if is_whole else rest), not is_whole
 

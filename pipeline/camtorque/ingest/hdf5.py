@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Container, Mapping
 from dataclasses import replace
-from datetime import UTC, datetime
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ import h5py
 import numpy as np
 
 from camtorque.config import ChannelSpec
+from camtorque.ingest.cells import seconds_of_date
 from camtorque.ingest.columns import time_beside
 from camtorque.ingest.hdf5_heaps import check_chunks, check_heaps
 from camtorque.ingest.header import column_number, numbered_name
@@ -28,8 +28,8 @@ from camtorque.units import did_you_mean, unit_factor
 
 RATE_NAMES = ("sampleratehz", "samplingratehz", "samplerate", "samplingrate", "samplingfrequency", "samplefrequency",
               "samplingfreq", "ratehz", "fshz", "fs", "abtastrate", "abtastfrequenz", "messrate")  # fmt: skip
-STEP_NAMES = ("wfincrement", "timesteps", "dts", "dt", "deltat", "tinterval", "sampleinterval", "samplinginterval",
-              "abtastintervall")  # fmt: skip
+STEP_NAMES = ("wfincrement", "timesteps", "dts", "dt", "ts", "deltat", "tinterval", "sampleinterval",
+              "samplinginterval", "abtastintervall")  # fmt: skip
 START_NAMES = ("t0s", "starttimes", "wfstartoffset", "t0", "tstart")
 COLUMN_NAMES = ("columns", "columnnames", "names", "channels", "channelnames", "fields", "labels")
 UNIT_NAMES = ("unit", "units", "unitstring", "einheit")
@@ -324,8 +324,7 @@ def begun_at(value: Any, where: str) -> tuple[float | None, float | None, tuple[
     """Return the start [s] or the date [s since 1970] that an attribute states, and a warning where it is neither."""
     try:
         if isinstance(value, str):
-            moment = datetime.fromisoformat(value)
-            return None, (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp(), ()
+            return None, seconds_of_date(value), ()
         number = math.nan if value is None else float(value)
     except (TypeError, ValueError):
         number = math.inf

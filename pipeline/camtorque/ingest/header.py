@@ -34,7 +34,7 @@ RATE_KEY = re.compile(
 )
 STEP_KEY = re.compile(
     r"(?<![a-z])(sampl\w*[ _-]*(interval|period|time)|abtast(intervall|zeit|periode)|time[ _-]*(step|increment)|"
-    r"dt|delta[ _-]?t|hresolution|tinc|xinc)(?![a-z])",
+    r"dt|delta[ _-]?t|hresolution|tinc|xinc|ts(?=\s*[=:;,\t\[(]))(?![a-z])",
     re.IGNORECASE,
 )
 INCREMENT = re.compile(r"increment", re.IGNORECASE)

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from camtorque.config import ChannelSpec
+from camtorque.ingest.cells import header_date
 from camtorque.ingest.csv_layout import SNIFF_BYTES, CsvLayout, encoding_of, sniff, text_pieces
 from camtorque.ingest.csv_log import channels_of, read_table
 from camtorque.ingest.header import is_number
@@ -19,6 +20,8 @@ from camtorque.records import Refusal
 END = "***End_of_Header***"
 TIME = "X_Value"
 """Name of a column of times."""
+CLOCK = ("Date", "Time")
+"""Keys of a segment's start, 2024/05/01 and 12:03:04.123456."""
 UNITS = {"volts": "V", "volt": "V", "seconds": "s", "newton-meters": "N m", "pascals": "Pa", "degrees celsius": "degC"}
 """LabVIEW writes units out."""
 
@@ -58,6 +61,13 @@ def channels(path: Path) -> tuple[FileChannel, ...]:
     return channels_of(path, _layout(path, _segment(path), ()))
 
 
+def _date(segment: Segment) -> float | None:
+    """Return when all channels began [s since 1970], None where nothing says so, or they began apart."""
+    days, clocks = (filter(None, segment.get(key, [])) for key in CLOCK)
+    begun = {f"start {day} {clock}" for day, clock in zip(days, clocks, strict=False)}
+    return header_date(list(begun)) if len(begun) == 1 else None
+
+
 def _layout(path: Path, segment: Segment, wanted: tuple[str, ...]) -> CsvLayout:
     layout = sniff(path, wanted or (TIME,))
     # a column of times comes before all channels or before each of them, whether it is filled or not
@@ -70,7 +80,8 @@ def _layout(path: Path, segment: Segment, wanted: tuple[str, ...]) -> CsvLayout:
     units = dict.fromkeys(times, "s") | dict(zip(others, stated, strict=False))
     if not any(stated):
         units |= {number: layout.units[number] for number in others}
-    layout = replace(layout, units=tuple(units.get(number, "") for number in range(layout.n_columns)), surplus=())
+    found = tuple(units.get(number, "") for number in range(layout.n_columns))
+    layout = replace(layout, units=found, surplus=(), header_date=_date(segment))
     if any(layout.first_row[number] for number in times):
         return replace(layout, header_rate=None)
     step, start = (_shared(segment, key, path) for key in ("Delta_X", "X0"))

@@ -12,7 +12,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from camtorque.ingest.raw import RawChannel
 from camtorque.records import Array, Finding, Refusal, SampleSource
-from camtorque.units import DAY, counted
+from camtorque.units import DAY, HOUR, counted
 
 BLOCK = 1_000_000
 """Stamps looked at in one go."""
@@ -26,6 +26,8 @@ COARSEST = 99.0
 """Percentile of the steps of shared stamps that is their coarsest: the rest may be gaps."""
 STANDS = 0.1
 """A step of less than this part of a sampling interval is none: the row stands there twice."""
+CLOCK_SET = 1.0
+"""A step that differs from an hour by less is that of a clock which was set to summer or winter time [s]."""
 RATE_NOTE = 1.0e-5
 """Relative difference of two rates that is worth a finding: ten times what a crystal is off."""
 RATE_GROSS = 0.05
@@ -249,7 +251,9 @@ def break_findings(index: np.ndarray, size: Array, step: float, where: str) -> l
     for chosen, code, one, many in rows:
         if chosen.any():
             at = ", ".join(f"sample {i} ({s:+.6g} s)" for i, s in zip(index[chosen][:3], size[chosen][:3], strict=True))
-            found.append(Finding(code, "error", f"{counted(int(chosen.sum()), one, many)}: {at}", where))
+            was_set = np.any(np.abs(np.abs(size[chosen]) - HOUR) < CLOCK_SET)
+            hint = "; was the clock set to summer or winter time? export the log in UTC" if was_set else ""
+            found.append(Finding(code, "error", f"{counted(int(chosen.sum()), one, many)}: {at}{hint}", where))
     return found
 
 

@@ -80,7 +80,7 @@ def _apart(config: RecordingConfig, raw: Mapping[ChannelSpec, RawChannel]) -> li
     if apart <= (max(length, CLOCKS_APART) if config.own_clocks else length):
         return []
     text = (
-        f"the headers of {first.path.name} and {last.path.name} are {apart:.4g} s apart, the logs last {length:.4g} s: "
+        f"by its date {last.path.name} begins {apart:.4g} s behind {first.path.name}, the logs last {length:.4g} s: "
         f"one may be of another run{zone_hint(apart)}"
     )
     return [Finding("logs_of_other_times", "warning", text, config.path.name)]
