@@ -597,17 +597,28 @@ def test_damage_is_counted_over_the_samples_of_a_cycle_and_no_others(compiled: b
 
 
 @pytest.mark.parametrize(("share", "told"), [(1.0, False), (0.9, True), (0.6, True)])
-def test_a_top_that_an_amplifier_cuts_off_before_the_logger_is_told(share: float, told: bool) -> None:
-    """The logger's noise comes after the cut, so that no two samples are equal."""
+@pytest.mark.parametrize("quantity", ["torque", "pressure"])
+@pytest.mark.parametrize("first", [0.0, 0.4], ids=["all", "more than half of it"])
+def test_a_top_that_an_amplifier_cuts_off_before_the_logger_is_told(
+    quantity: str, share: float, told: bool, first: float
+) -> None:
+    """The logger's noise comes after the cut, so that no two samples are equal: 909 bar read 600, *Explained*."""
     noise = 2.0e-3 * np.random.default_rng(3).standard_normal(1 << 20)
-    whole = make(RIG).of("torque")[0].source.values
-    limit = share * float(np.max(whole))
-    cycles = align(edited("torque", lambda volts: np.minimum(volts, limit) + noise[: volts.size]))
-    found = [item for item in cycles.findings if item.code == "torque_flat_top"]
-    assert bool(found) == told
-    if told:
-        level = float(np.max(np.mean(cycles.torque, axis=0)))
-        assert f"stays at {level:.1f}"[:-2] in found[0].text
+    whole = make(RIG).of(quantity)[0].source.values
+    low = np.min(whole)
+    limit = low + share * float(np.max(whole) - low)
+
+    def cut(volts: np.ndarray) -> np.ndarray:
+        begin = round(first * volts.size)
+        return np.concatenate([volts[:begin], np.minimum(volts[begin:], limit)]) + noise[: volts.size]
+
+    cycles = align(edited(quantity, cut))
+    found = [item for item in cycles.findings if item.code.endswith("_flat_top")]
+    assert [item.code for item in found] == [f"{quantity}_flat_top"] * told
+    if told and not first:
+        level = float(np.max(np.mean(getattr(cycles, quantity), axis=0)))
+        shown = level if quantity == "torque" else 1e-5 * level
+        assert f"the {quantity} stays at {shown:.1f}"[:-3] in found[0].text
 
 
 @pytest.mark.parametrize("fall", [20.0, 0.5], ids=["symmetrical", "spilled"])
@@ -616,10 +627,24 @@ def test_a_sharp_top_on_a_coarse_grid_is_not_cut_off(points: int, fall: float) -
     """On few points most of a sharp top lie on one level: 'stays at 1 N m over 0.6 degrees where it is highest'."""
     angle = np.arange(points) * 360.0 / points
     mean = np.maximum(0.0, 1.0 - np.where(angle < 90.3, (90.3 - angle) / 20.0, (angle - 90.3) / fall))
-    assert flat_top_findings(mean) == ()
-    assert flat_top_findings(np.minimum(mean, 0.5)) != ()
+    assert flat_top_findings(mean[None], mean, "torque") == ()
+    cut = np.minimum(mean, 0.5)
+    assert flat_top_findings(cut[None], cut, "torque") != ()
+
+
+@pytest.mark.parametrize(("taken", "told"), [(1.0, True), (0.5, False), (1.5, False)])
+def test_a_torque_whose_mean_was_taken_off_is_told(taken: float, told: bool) -> None:
+    """Behind AC coupling a pump that takes 20 J a revolution was Explained with half of that."""
+    torque = align(make(RIG)).mean_torque
+    volts_per_nm = np.ptp(make(RIG).of("torque")[0].source.values) / np.ptp(torque)
+    cycles = align(edited("torque", lambda volts: volts - taken * np.mean(torque) * volts_per_nm))
+    found = [item for item in cycles.findings if item.code == "torque_without_mean"]
+    assert bool(found) == told
+    if told:
+        assert "N m in the mean over the revolution" in found[0].text
+        assert "record with DC coupling" in found[0].text
 
 
 @pytest.mark.parametrize("level", [0.0, np.nan])
 def test_a_torque_without_a_top_is_not_cut_off(level: float) -> None:
-    assert flat_top_findings(np.full(360, level)) == ()
+    assert flat_top_findings(np.full((2, 360), level), np.full(360, level), "torque") == ()

@@ -105,7 +105,7 @@ VERDICTS: dict[str, Verdict] = {
     "cut_half_lvm": used("csv_cut_row", "samples_missing"),
     "cut_last_byte_xlsx": refused("cannot be read as Excel workbook"),
     "cut_last_byte_parquet": refused("cannot be read as Parquet"),
-    "cut_last_byte_lvm": used("csv_cut_row", "samples_missing"),
+    "cut_last_byte_lvm": used("csv_no_line_end", "samples_missing"),
     "flipped_xlsx": refused("cannot be read as Excel workbook"),
     "flipped_parquet": refused("cannot be read as Parquet"),
     "segments_lvm": refused("holds 2 segments of data, expected one"),

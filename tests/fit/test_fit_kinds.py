@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from camtorque.fit import kinds
+from camtorque.fit.fitted import either_kind
 from camtorque.fit.joint_input import with_common_rows
 from camtorque.fit.kinds import INLET, KINDS, PIN, OtherFit, kinds_decided, log_odds, weighed_losses
 from camtorque.fit.problem import with_rows
 from camtorque.fit.single import fit_prepared
+from camtorque.fit.uncertainty import confidence
 from camtorque.laws import ROWS
 from camtorque.records import LossEvidence
 from fit_cases import quick, quick_data, quick_halves, quick_prepared, rig
@@ -158,3 +160,29 @@ def test_what_comes_with_a_valve_that_may_not_be_there_is_not_needed(monkeypatch
     cov = kinds.covariance(valve.problem, valve.solution)
     found = {row.name: row.verdict for row in weighed_losses(valve, others, cov, 1.0)}
     assert found == {"friction": verdict, "damping": "needed"}
+
+
+@pytest.mark.parametrize(("kept", "other", "up"), [(40.0e-6, 150.0e-6, True), (150.0e-6, 35.0e-6, False)])
+@pytest.mark.parametrize("probability", [0.03, 0.13, 0.4])
+def test_an_interval_reaches_as_far_as_both_kinds_do(kept: float, other: float, up: bool, probability: float):
+    """Draws of both kinds lie beyond the end on the other one's side as often as an interval of 95 % says."""
+    row = ROWS[ARM] if up else replace(ROWS[ARM], source=BUSH.source, prior=BUSH.prior)
+    width, own, rng = BUSH.width_of_other(row), 25.0e-6, np.random.default_rng(5)
+    low, high = either_kind(row, (kept, own), other, probability, (0.0, 300.0e-6))
+    is_other = rng.random(400_000) < probability
+    drawn = np.where(is_other, rng.normal(other, width, is_other.size), rng.normal(kept, own, is_other.size))
+    if up:
+        assert low == 0.0
+        assert np.mean(drawn > high) == pytest.approx(0.025, abs=0.001)
+    else:
+        assert high == 300.0e-6
+        assert np.mean(drawn < low) == pytest.approx(0.025, abs=0.001) if low > 0.0 else np.mean(drawn < 0.0) >= 0.025
+
+
+def test_where_nothing_tells_the_kind_of_the_pin_the_interval_is_that_of_one():
+    fit = fit_prepared(quick_prepared(*NEEDLES), weighed=False)
+    k = fit.problem.index(ARM)
+    row, value = fit.problem.parameters[k].row, float(fit.solution.z[k])
+    alone = replace(fit, other_pin=0.0)
+    assert alone.interval(k) == confidence(value, float(fit.std[k]), row.lower, row.upper)
+    assert fit.interval(k)[1] >= alone.interval(k)[1] or not fit.other_pin

@@ -92,6 +92,15 @@ def test_a_blank_line_now_and_then_is_a_missing_sample(tmp_path: Path):
     assert "csv_rows_damaged" in {finding.code for finding in raw.findings}
 
 
+@pytest.mark.parametrize("digits", [10, 12])
+def test_days_of_a_spreadsheet_are_known_by_their_mean_step(tmp_path: Path, digits: int):
+    """Of ten decimals the steps of 20 kHz are 5 or 6 units of the last one, a tenth off in the median."""
+    days = 45_000.25 + np.arange(ROWS) / RATE / 86_400.0
+    body = [f"{day:.{digits}f};{row.partition(';')[2]}" for day, row in zip(days, rows(), strict=True)]
+    raw = log(tmp_path, HEAD.replace(" [s]", ""), *body)
+    assert raw.channels[0].sample_rate == pytest.approx(RATE, rel=1e-3)
+
+
 def test_a_minus_of_typography_is_one(tmp_path: Path):
     assert_read(log(tmp_path, HEAD, *(line.replace("-", "\N{MINUS SIGN}") for line in rows())))
 
@@ -243,6 +252,25 @@ def test_a_line_below_a_table_without_times_is_no_damage(tmp_path: Path, footer:
     body[10] = "x"
     said = {finding.code: finding.text for finding in log(tmp_path, HEAD.partition(";")[2], *body, *footer).findings}
     assert said["csv_rows_damaged"].endswith("(line 12)")
+
+
+@pytest.mark.parametrize("times", [True, False], ids=["with times", "without"])
+@pytest.mark.parametrize("remark", ["# marker: door opened", "% pause", "Event: door opened", "# door;gate;c;d;e;f"])
+def test_a_remark_among_the_rows_is_no_lost_sample(tmp_path: Path, remark: str, times: bool):
+    """A marker was a damaged row, which had the time of the one before, and cost two cycles."""
+    body = rows() if times else [row.partition(";")[2] for row in rows()]
+    head = HEAD if times else HEAD.partition(";")[2]
+    raw = log(tmp_path, head, *body[:9], remark, *body[9:20], remark, remark, *body[20:])
+    assert_read(raw, "csv_remarks")
+    assert raw.findings[0].severity == "info"
+    assert raw.findings[0].text == "3 lines among the rows are remarks and are left out (line 11, 23, 24)"
+
+
+@pytest.mark.parametrize("row", ["x", "0.00045;2.6", "\x00\x00 zz yy", "abc;def;ghi"])
+def test_what_may_have_been_a_row_is_no_remark(tmp_path: Path, row: str):
+    raw = log(tmp_path, HEAD, *rows()[:9], row, *rows()[10:])
+    assert "csv_remarks" not in {finding.code for finding in raw.findings}
+    assert np.flatnonzero(np.isnan(raw.channels[0].source.read(0, ROWS))).tolist() == [9]
 
 
 def test_damage_above_a_footer_is_told_with_its_own_lines(tmp_path: Path):

@@ -23,7 +23,14 @@ from camtorque.align.hum import hum_findings, idle_points
 from camtorque.align.lags import settle_lags
 from camtorque.align.options import AlignOptions
 from camtorque.align.polarity import check_quantities
-from camtorque.align.quality import CycleTable, apply_cuts, changed_running, flat_top_findings, refuse_jitter
+from camtorque.align.quality import (
+    CycleTable,
+    apply_cuts,
+    changed_running,
+    flat_top_findings,
+    no_mean_findings,
+    refuse_jitter,
+)
 from camtorque.align.summary import alignment_details
 from camtorque.align.timebase import TimeBase, by_few_teeth, settled_phase, silence_findings, time_base
 from camtorque.records import (
@@ -97,7 +104,13 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     silent = silence_findings(base, channels.main)
     base = replace(base, findings=(*base.findings, *silent, *findings, *running, *untied))
     found = _cam_cycles(recording, table, used, cut_flow, {**aligned, **others}, base, angle, lags.wander)
-    cut_off = flat_top_findings(found.mean_torque) if found.torque is not None else ()
+    cut_off: tuple[Finding, ...] = ()
+    if found.torque is not None:
+        cut_off = (
+            *no_mean_findings(found.mean_torque), *flat_top_findings(found.torque, found.mean_torque, "torque"),
+        )  # fmt: skip
+    if "pressure" in channels.main:
+        cut_off = (*cut_off, *flat_top_findings(found.pressure, found.mean_pressure, "pressure"))
     return _at_rest(recording, replace(found, findings=(*found.findings, *_rare(found), *cut_off)))
 
 

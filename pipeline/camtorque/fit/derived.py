@@ -11,11 +11,12 @@ from functools import cached_property
 
 import numpy as np
 
+from camtorque.fit.fitted import FittedParameters
 from camtorque.fit.forecast import stroke_volume
 from camtorque.fit.prepare import at_cam_angles, cam_angles, over_even_angle
 from camtorque.fit.problem import FitData, Problem
 from camtorque.fit.residual import parts_of_gap
-from camtorque.fit.single import Fit, FittedParameters
+from camtorque.fit.single import Fit
 from camtorque.fit.uncertainty import knowledge, secant_steps, stated_pressure
 from camtorque.laws.causes import ON_BRIDGE_ALONE, cam_torques, drive_work, measured_torques, work_per_revolution
 from camtorque.laws.chain import COLUMN_NAMES, SHIFT_NAMES, ChainInput, ChainOutput, Motion, evaluate

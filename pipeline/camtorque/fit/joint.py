@@ -299,10 +299,11 @@ def joint_fit_of(
     covariance = joint_covariance(problem, solution)
     contradicted = contradiction(covariance.inflation, [item.inflation for item in inputs])
     spread = drift_spread(problem, solution.z, drifts, contradicted)
+    pin, other_pin = pin_shift(problem, solution, covariance)
     shifts = {
         "drift of what should be the same": spread[None],
         SWITCHING: switching_shift(problem, [item.switching_std for item in inputs])[None],
-        PIN: pin_shift(problem, solution, covariance)[None],
+        PIN: pin[None],
         SOFTER: softer_shift(problem, solution, covariance, each)[None],
     }
-    return JointFit(problem, solution, covariance, shifts)
+    return JointFit(problem, solution, covariance, shifts, other_pin)

@@ -19,6 +19,7 @@ import numpy as np
 from camtorque.fit.arrow import Arrow, ArrowCovariance, arrow_inverse
 from camtorque.fit.derived import modelled, on_cycles
 from camtorque.fit.evidence import Weighed, evidence_of, moves_of, prior_of, small_torque, where_unexplained
+from camtorque.fit.fitted import FittedParameters
 from camtorque.fit.joint_input import JointInput
 from camtorque.fit.joint_solver import JointSolution, solve_many
 from camtorque.fit.kinds import KINDS, PIN, OtherKind, from_log_odds, other_kind
@@ -27,7 +28,6 @@ from camtorque.fit.prepare import INDEPENDENT
 from camtorque.fit.problem import Problem, build_problem, started_at, with_rows
 from camtorque.fit.residual import is_explained, metrics_of_fit
 from camtorque.fit.result import parameter_estimates
-from camtorque.fit.single import FittedParameters
 from camtorque.fit.solver import Minimum, with_slopes
 from camtorque.fit.truncated import Gaussian
 from camtorque.fit.uncertainty import LEAST_FREEDOM, Covariance, deviation_within, prior_std
@@ -56,12 +56,13 @@ class JointCovariance(ReadOnly):
 
 @dataclass(frozen=True)
 class JointFit(ReadOnly):
-    """A joint minimum and how sure it is; ``shifts`` as in `single.Fit`, (m, k) each [SI]."""
+    """A joint minimum and how sure it is; ``shifts`` and ``other_pin`` as in `FittedParameters`, (m, k) each [SI]."""
 
     problem: Problem
     solution: JointSolution
     covariance: JointCovariance
     shifts: Mapping[str, Array]
+    other_pin: float
 
     @cached_property
     def unbounded_mean(self) -> Array:
@@ -90,7 +91,7 @@ class JointFit(ReadOnly):
             found.evaluations, found.converged,
         )  # fmt: skip
         shifts = {name: shift[:, places] for name, shift in self.shifts.items()}
-        return FittedParameters(small, minimum, known, deviation_within(within, minimum.z), shifts)
+        return FittedParameters(small, minimum, known, deviation_within(within, minimum.z), shifts, self.other_pin)
 
 
 @dataclass(frozen=True)
@@ -214,14 +215,15 @@ def other_kind_at(problem: Problem, solution: JointSolution, covariance: JointCo
     return other_kind(KINDS[PIN], problem.parameters[place].row, mean, float(covariance.std[place]))
 
 
-def pin_shift(problem: Problem, solution: JointSolution, covariance: JointCovariance) -> Array:
-    """Return how far the other kind of pin moves each parameter, by its probability, (k,) [SI]."""
+def pin_shift(problem: Problem, solution: JointSolution, covariance: JointCovariance) -> tuple[Array, float]:
+    """Return how far the other kind of pin moves each parameter, by its probability, (k,) [SI], and that."""
     other = other_kind_at(problem, solution, covariance)
     if other is None:
-        return np.zeros(problem.size)
+        return np.zeros(problem.size), 0.0
+    probability = from_log_odds(other.log_odds)
     place = problem.index(KINDS[PIN].parameter)
     along = covariance.arrow.times(np.eye(problem.size)[place]) / covariance.std[place] ** 2
-    return np.asarray(math.sqrt(from_log_odds(other.log_odds)) * other.moved * along)
+    return np.asarray(math.sqrt(probability) * other.moved * along), probability
 
 
 def softer_shift(problem: Problem, solution: JointSolution, covariance: JointCovariance, each: Each) -> Array:

@@ -80,6 +80,12 @@ class Kind:
         )
         return first, second
 
+    def width_of_other(self, row: ParameterRow) -> float:
+        """Return the standard deviation that the kind which a row is not of has beforehand [SI]."""
+        usual, second = self.rows(row)
+        other = usual if row.source == self.source else second
+        return cast(tuple[float, float], other["prior"])[1]
+
     def of_most(self, rows: Sequence[ParameterRow]) -> list[ParameterRow]:
         """Return the rows of the kind that most recordings have, the usual one where as many have either."""
         others = [row for row in rows if row.source == self.source]

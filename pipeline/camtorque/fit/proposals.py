@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 
 from camtorque.fit.arrow import ArrowCovariance
+from camtorque.fit.fitted import shift_variance
 from camtorque.fit.known_fit import FittedAt, KnownFit, drawn_about
 from camtorque.fit.planning import (
     STATED_OF_ALL,
@@ -28,7 +29,7 @@ from camtorque.fit.planning import (
     tooth_shifts,
 )
 from camtorque.fit.problem import FitData
-from camtorque.fit.single import Fit, shift_variance
+from camtorque.fit.single import Fit
 from camtorque.fit.teeth import PLACE_STD
 from camtorque.fit.uncertainty import inverse
 from camtorque.process.second_process import in_two

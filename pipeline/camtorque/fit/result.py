@@ -29,6 +29,7 @@ from camtorque.fit.findings import (
     table_findings,
     wheel_findings,
 )
+from camtorque.fit.fitted import FittedParameters
 from camtorque.fit.planning import Measuring
 from camtorque.fit.prepare import MeanCycles, at_cam_angles
 from camtorque.fit.problem import SEPARATOR, STRUCTURES
@@ -42,9 +43,8 @@ from camtorque.fit.residual import (
     parts_of_gap,
     residual_bumps,
 )
-from camtorque.fit.single import Fit, FittedParameters
+from camtorque.fit.single import Fit
 from camtorque.fit.uncertainty import (
-    confidence,
     confounded_with,
     correlation_of,
     knowledge,
@@ -156,7 +156,7 @@ def parameter_estimates(fit: FittedParameters) -> tuple[ParameterEstimate, ...]:
     rows = []
     for k, parameter in enumerate(problem.parameters):
         row, value, std = parameter.row, float(fit.solution.z[k]), float(total[k])
-        low, high = confidence(value, std, row.lower, row.upper)
+        low, high = fit.interval(k)
         before = float(fit.covariance.prior_std[k])
         known = knowledge(float(told[k]), before, low, row.lower, row.prior is not None)
         per = row.per_unit

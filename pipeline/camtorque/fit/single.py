@@ -30,8 +30,10 @@ import numpy as np
 from camtorque.align.budget import SWITCHING_DELAY, wandered_std
 from camtorque.fit.descent import Effort
 from camtorque.fit.evidence import where_unexplained
+from camtorque.fit.fitted import FittedParameters
 from camtorque.fit.kinds import (
     KINDS,
+    PIN,
     OtherFit,
     chamber_evidence,
     kinds_decided,
@@ -56,10 +58,9 @@ from camtorque.fit.problem import Problem, with_rows
 from camtorque.fit.residual import explains
 from camtorque.fit.search import DISSATISFYING, SearchState, search
 from camtorque.fit.sheet_doubts import SheetDoubt, sheet_doubts
-from camtorque.fit.solver import Minimum, Solution
+from camtorque.fit.solver import Solution
 from camtorque.fit.teeth import SWINGS_OTHERWISE, WHEEL_ORDERS, told_otherwise
 from camtorque.fit.uncertainty import (
-    Covariance,
     along_valley,
     covariance,
     delivering,
@@ -112,37 +113,6 @@ class Prepared:
 
 
 @dataclass(frozen=True)
-class FittedParameters:
-    """Values of the parameters that act in a recording, and how sure they are.
-
-    ``deviation`` is how far the parameters lie from what is stated, within their bounds (`deviation_within`), (k, k)
-    [SI^2]; ``covariance`` that of the Gaussian that knows of no bounds.
-    ``shifts`` are further deviations by source, (m, k) each [SI]: one standard deviation in each of m directions.
-    """
-
-    problem: Problem
-    solution: Minimum
-    covariance: Covariance
-    deviation: Array
-    shifts: Mapping[str, Array]
-
-    @property
-    def std(self) -> Array:
-        """Total standard uncertainty, (k,) [SI]."""
-        return np.sqrt(self.statistical_std**2 + shift_variance(self.shifts, self.problem.size))
-
-    @property
-    def statistical_std(self) -> Array:
-        """The part of it that the deviation within the bounds is, (k,) [SI]."""
-        return np.sqrt(np.diag(self.deviation))
-
-    @property
-    def unbounded_std(self) -> Array:
-        """Total standard uncertainty without the bounds, (k,) [SI]: what the data tell, which bounds do not."""
-        return np.sqrt(self.covariance.std**2 + shift_variance(self.shifts, self.problem.size))
-
-
-@dataclass(frozen=True)
 class Fit(FittedParameters):
     """Everything that the fit of a recording consists of.
 
@@ -159,11 +129,6 @@ class Fit(FittedParameters):
     measured: Array
     pressure_gain_std: float
     doubts: tuple[SheetDoubt, ...]
-
-
-def shift_variance(shifts: Mapping[str, Array], size: int) -> Array:
-    """Return the variance that signed deviations (m, k) of all sources add to each of k parameters [SI^2]."""
-    return sum((np.sum(rows**2, axis=0) for rows in shifts.values()), np.zeros(size))
 
 
 def prepare(recording: Recording, cycles: CamCycles, rigid: RigidTorque) -> Prepared:
@@ -275,8 +240,10 @@ def fit_prepared(prepared: Prepared, weighed: bool = True) -> Fit:
             evidence = where_unexplained(evidence)
     gain = pressure_gain_std(prepared.recording)
     shifts["gain of the pressure sensor"] = pressure_gain_shift(best, gain)[None]
+    pin = prepared.other_kinds.get(PIN)
     return Fit(
-        problem, solution, cov, deviation, shifts, np.array(pressures), prepared.candidates, probabilities, evidence,
+        problem, solution, cov, deviation, shifts, pin.probability if pin else 0.0, np.array(pressures),
+        prepared.candidates, probabilities, evidence,
         prepared.measured, gain, sheet_doubts(best, cov.inflation),
     )  # fmt: skip
 

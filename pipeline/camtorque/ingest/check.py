@@ -270,7 +270,10 @@ def speed_findings(
     """Tell a cam speed [rad/s] that is far from the nominal one: of pulses that are not one a turn, or a wrong rate."""
     if abs(speed / config.nominal_speed - 1.0) <= SPEED_TOLERANCE:
         return ()
-    text = f"{teller} {speed / RPM:.4g} rpm, the nominal speed is {config.nominal_speed / RPM:.4g} rpm"
+    text = (
+        f"{teller} {speed / RPM:.4g} rpm, the nominal speed is {config.nominal_speed / RPM:.4g} rpm; check "
+        "nominal_speed_rpm, pulses_per_rev, and sample_rate_hz where no file states it: all times rest on it"
+    )
     return (Finding("speed_off_nominal", "warning", text, where),)
 
 

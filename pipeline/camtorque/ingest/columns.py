@@ -202,12 +202,13 @@ def _time_factor(times: SampleSource, unit: str, spec: ChannelSpec, where: str) 
         return unit_factor(unit, "time", f"{where} time column")
     steps = np.diff(times.read(0, min(times.n_samples, 10_000)))
     steps = steps[np.isfinite(steps)]
-    # stamps of too few digits are shared by samples, so that only their mean step tells
-    step = float(np.median(steps)) or float(np.mean(steps)) if steps.size else 0.0
+    # stamps of too few digits are shared by samples, or step by more and by less: only their mean step tells
+    mean = float(np.mean(steps)) if steps.size else 0.0
+    step = float(np.median(steps)) or mean if steps.size else 0.0
     if not step > 0.0:
         return 1.0  # in no unit does time run forward: that is refused where the stamps are read
     for factor in (1.0, 1e-3, 1e-6, 1e-9, DAY):
-        if abs(step * factor * spec.sample_rate - 1.0) < 0.05:
+        if any(abs(each * factor * spec.sample_rate - 1.0) < 0.05 for each in (step, mean)):
             return factor
     if step == 1.0:
         return 1.0 / spec.sample_rate  # sample numbers: the rate is the declared one, gaps show

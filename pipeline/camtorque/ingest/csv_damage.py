@@ -8,13 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
+from camtorque.ingest.csv_layout import CsvLayout, is_remark
+from camtorque.ingest.csv_table import is_row, split_row
 from camtorque.records import Array, Finding, Mask
 from camtorque.units import counted
 
 
 @dataclass
 class Damage:
-    """What was wrong with rows and cells: their lines, or how many there are.
+    """What was wrong with rows and cells: their lines, or how many there are; lines that are remarks and no rows.
 
     Attributes
     ----------
@@ -25,6 +27,7 @@ class Damage:
     """
 
     rows: array[int] = field(default_factory=lambda: array("q"))
+    remarks: array[int] = field(default_factory=lambda: array("q"))
     cells: array[int] = field(default_factory=lambda: array("q"))
     overrange: int = 0
     headers: int = 0
@@ -36,6 +39,13 @@ class Damage:
     def end_at(self, line: int) -> None:
         """Forget what lies below a line: no part of the table."""
         self.rows, self.cells = (array("q", [at for at in lines if at <= line]) for lines in (self.rows, self.cells))
+
+    def is_remarked(self, lines: list[int]) -> None:
+        """Take lines, the last ones first, for remarks between rows, and for no damaged rows."""
+        self.remarks.extend(reversed(lines))
+        for of in (self.rows, self.cells):
+            for line in set(lines) & set(of[-2 * len(lines) - 8 :]):
+                of.remove(line)
 
     def bare_rows(self, ended: list[Array], line: int) -> int:
         """Return how many rows at the end hold no number in any column and are damaged: lines below the table."""
@@ -60,6 +70,9 @@ def damage_findings(damage: Damage, where: str) -> list[Finding]:
         (damage.overrange, "csv_overrange", "warning",
          "cell says that the value is beyond the logger's range; it is a missing sample",
          "cells say that the value is beyond the logger's range; they are missing samples"),
+        (len(damage.remarks), "csv_remarks", "info",
+         f"line among the rows is a remark and is left out {_at(damage.remarks)}",
+         f"lines among the rows are remarks and are left out {_at(damage.remarks)}"),
         (damage.headers, "csv_header_repeated", "warning",
          "line repeats the header and is left out", "lines repeat the header and are left out"),
     )  # fmt: skip
@@ -75,10 +88,16 @@ def bare_findings(bare: int, path: Path) -> list[Finding]:
     return [Finding("rows_without_numbers", "warning", text, path.name)] if bare else []
 
 
-def tail_findings(tail: bytes, path: Path, line: int) -> list[Finding]:
-    """Tell a last row that may be cut."""
-    if not tail:
+def tail_findings(tail: bytes, path: Path, line: int, layout: CsvLayout) -> list[Finding]:
+    """Tell a last row without a line end: one that lacks fields is cut, of another the last number may lack digits."""
+    text = tail.decode(layout.encoding, errors="replace").strip()
+    fields = split_row(text, layout.separator)
+    if not tail or is_remark(text, fields, layout):
         return []
+    whole = is_row(fields, layout.decimal, layout.thousands, layout.words) == layout.n_columns and bool(fields[-1])
+    if whole:
+        text = f"the last row (line {line}) has no line end and is not used: its last number may lack digits"
+        return [Finding("csv_no_line_end", "info", text, path.name)]
     text = (
         f"the file ends inside line {line} without a line end; that row is not used, the file may be cut: copy it again"
     )

@@ -25,6 +25,8 @@ FRACTIONS = {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "millisecond": 1e-
 """Name or unit of a column behind a stamp in whole seconds that holds their fraction -> seconds."""
 WHOLE = re.compile(r":\d\d( ?[AaPp][Mm])?$")
 COMMENT = "#%!'\""
+MARKED, WORD = ("#", "%"), re.compile(r"[^\W\d_]{2,}")
+"""How a remark among the rows begins, and a word in it."""
 
 
 @dataclass(frozen=True)
@@ -268,6 +270,16 @@ def is_other_header(fields: list[str], layout: CsvLayout) -> bool:
     """Tell a line among the rows that names the columns anew: texts alone, one of them the name of a column."""
     texts = _texts(fields, layout)
     return 1 < len(texts) == layout.n_columns == len(fields) and bool(names_in(texts) & set(layout.names))
+
+
+def is_remark(text: str, fields: list[str], layout: CsvLayout) -> bool:
+    """Tell a line of another number of fields that is no row: a marker, an event, a line of a footer."""
+    if len(fields) == layout.n_columns or not text.isprintable():
+        return False
+    words = WORD.findall(text)
+    return bool(words) and (
+        text.lstrip()[:1] in MARKED or (len(words) > 1 and len(_texts(fields, layout)) == len(fields))
+    )
 
 
 def layout_findings(layout: CsvLayout, hint: str, where: str) -> list[Finding]:

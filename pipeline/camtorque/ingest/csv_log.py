@@ -24,7 +24,7 @@ from camtorque.config import ChannelSpec
 from camtorque.ingest.cells import LEVELS, MISSING, NO_VALUE, NUMBER, OVERRANGE, PARTING, THOUSANDS, unwrapped
 from camtorque.ingest.columns import columns_of, raw_file
 from camtorque.ingest.csv_damage import Damage, bare_findings, damage_findings, tail_findings
-from camtorque.ingest.csv_layout import CsvLayout, is_other_header, layout_findings, sniff, text_pieces
+from camtorque.ingest.csv_layout import CsvLayout, is_other_header, is_remark, layout_findings, sniff, text_pieces
 from camtorque.ingest.csv_table import is_row, split_row
 from camtorque.ingest.listing import listed
 from camtorque.ingest.raw import IN_MEMORY_BYTES, ArraySource, FileChannel, PairSource, RawFile, read_into, refusing
@@ -39,6 +39,10 @@ BLANK_LINES = re.compile(rb"^[ \t\r]*\n", re.MULTILINE)
 ALIKE_ROWS = 100
 """Rows before the last one that show whether its last field can lack digits: of a column that leaves out zeros at the
 end every tenth field is shorter."""
+
+
+TextRow = tuple[int, list[float], list[str]]
+"""Line of a row, its numbers, its texts of date and time."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +159,7 @@ def _columns(
                 last[column] = next((stamp for stamp in part[::-1] if np.isfinite(stamp)), last[column])
             files[column].write(part.tobytes()) if files else parts[column].append(part)
     bare = 0 if times else damage.bare_rows(ended, line)
-    count, findings = count - bare, [*bare_findings(bare, path), *tail_findings(tail, path, line)]
+    count, findings = count - bare, [*bare_findings(bare, path), *tail_findings(tail, path, line, layout)]
     if count <= 0:
         raise Refusal(f"{path}: holds a header but no complete row of numbers; the file is cut or was never filled")
     sources: dict[int, SampleSource] = {column: CachedSource(file, count, path) for column, file in files.items()}
@@ -253,7 +257,8 @@ def _parse_lines(
     block: bytes, layout: CsvLayout, wanted: list[int], stamps: dict[int, str], damage: Damage, first: int
 ) -> list[Array]:
     """Parse line by line; a damaged row or cell is nan and counted, two rows run together are two."""
-    rows: list[tuple[int, list[float], list[str]]] = []
+    rows: list[TextRow] = []
+    remarks: list[int] = []
     blank, heads = 0, [sorted(split_row(head, layout.separator)) for head in layout.repeated]
     for line, text in enumerate(block[:-1].decode(layout.encoding, errors="replace").split("\n"), start=first):
         text = text.rstrip("\r")
@@ -265,22 +270,30 @@ def _parse_lines(
             blank = 0
             continue
         blank = blank + 1 if not text.strip() else 0
-        fields = split_row(text, layout.separator)
-        while layout.separator != " " and len(fields) == layout.n_columns + 1 and not fields[-1]:
-            fields.pop()  # a separator at the end of the row
+        fields = _fields_of(text, layout)
+        is_sound = is_row(fields, layout.decimal, layout.thousands, layout.words) == layout.n_columns
         if fields[1:] and sorted(fields) in heads:
             damage.reordered = damage.reordered or line
-        elif damage.renamed and is_row(fields, layout.decimal, layout.thousands, layout.words) == layout.n_columns:
+        elif damage.renamed and is_sound:
             damage.reordered = damage.reordered or damage.renamed
+        if is_sound and remarks:  # those below the last row stand below the table
+            damage.is_remarked([rows.pop(place)[0] for place in reversed(remarks)])
+            remarks.clear()
         if len(fields) != layout.n_columns:
             damage.rows.append(line)
-            lost = 2 if len(fields) in (2 * layout.n_columns - 1, 2 * layout.n_columns) else 1
-            rows += [(line, [np.nan] * len(wanted), [""] * len(stamps))] * lost
+            remark = is_remark(text, fields, layout)
+            remarks += [len(rows)] * remark
+            rows += [(line, [np.nan] * len(wanted), [""] * len(stamps))] * (1 if remark else _rows_lost(fields, layout))
         else:
             values = [np.nan if c in stamps else _cell(fields[c], layout, c, damage, line) for c in wanted]
             rows.append((line, values, [fields[column] for column in stamps]))
             if all(map(math.isnan, values)) and is_other_header(fields, layout):
                 damage.renamed = damage.renamed or line
+    return _columns_of(rows, wanted, stamps, damage)
+
+
+def _columns_of(rows: list[TextRow], wanted: list[int], stamps: dict[int, str], damage: Damage) -> list[Array]:
+    """Return the columns of parsed rows; dates and times are still texts in these."""
     columns = list(np.array([values for _, values, _ in rows]).T.copy())
     for place, (column, kind) in enumerate(stamps.items() if rows else ()):
         texts = [texts[place] for _, _, texts in rows]
@@ -288,6 +301,17 @@ def _parse_lines(
         columns[wanted.index(column)] = seconds = seconds_of_texts(texts, stamps[column])
         damage.cells.extend(rows[n][0] for n in np.flatnonzero(np.isnan(seconds)) if texts[n].lower() not in MISSING)
     return columns or [np.empty(0) for _ in wanted]
+
+
+def _fields_of(text: str, layout: CsvLayout) -> list[str]:
+    fields = split_row(text, layout.separator)
+    while layout.separator != " " and len(fields) == layout.n_columns + 1 and not fields[-1]:
+        fields.pop()  # a separator at the end of the row
+    return fields
+
+
+def _rows_lost(fields: list[str], layout: CsvLayout) -> int:
+    return 2 if len(fields) in (2 * layout.n_columns - 1, 2 * layout.n_columns) else 1
 
 
 def _cell(text: str, layout: CsvLayout, column: int, damage: Damage, line: int) -> float:
