@@ -12,7 +12,7 @@ from camtorque.config import PumpData
 from camtorque.ingest import read_recording
 from camtorque.ingest.check import summarise
 from camtorque.ingest.plausibility import check_loads, check_trigger_exchanged
-from camtorque.ingest.pump_sizes import PUMP_RATIOS
+from camtorque.ingest.pump_sizes import PUMP_RATIOS, check_pump
 from camtorque.ingest.raw import ArraySource
 from camtorque.ingest.recording import _of_damaged
 from camtorque.records import CamTable, Finding, Refusal
@@ -93,6 +93,15 @@ def test_a_crowned_foot_that_slides_is_no_roller_of_strange_size(bench: Path):
         read(bench)
     assert "over base circle radius" not in str(caught.value)
     assert "disc" not in str(caught.value)
+
+
+def test_a_flat_foot_is_no_point_of_the_cam(bench: Path):
+    """A crown of 0.3 m is nearly all of the curvature of its path: each flat foot was said to be unusual."""
+    pump = replace(read(bench).config.pump, roller_radius=0.3, roller_mass=0.0, roller_inertia=0.0)
+    angle = np.radians(np.arange(0.0, 360.0))
+    table = CamTable(angle, 0.0025 * (1.0 - np.cos(angle)), 1e-6)
+    assert PUMP_RATIOS["undercut"].value(pump, table) > PUMP_RATIOS["undercut"].usual[1]
+    assert check_pump(pump, table, 1, Path("r.toml"), but={"lift", "size"}) == []
 
 
 def test_a_turned_lift_table_is_refused(bench: Path):

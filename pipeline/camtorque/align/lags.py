@@ -78,9 +78,12 @@ def settle_lags(table: CycleTable, time: Array, edge_noise: float) -> Lags:
             lost, moved = step
             # samples lost where a cycle is flat do not move that cycle: the one before goes too
             slipped[sound[lost - 1] :] = True
+            others = [other.rows for name, other in table.aligned.items() if name != quantity]
+            alike = [_moves(other, table, (sound[:lost], sound[lost + 1 :]), moved) for other in others]
+            told = " and ".join(table.aligned) if alike and all(alike) else quantity
             findings = [
                 *(finding for finding in findings if finding.code != "samples_lost"),
-                _lost(quantity, moved, time[sound[lost]], table, sound[lost - 1]),
+                _lost(told, moved, time[sound[lost]], table, sound[lost - 1]),
             ]
             sound = sound[: lost - 1]
         drift = _drift(rows, sound, lag, time, least)
@@ -184,14 +187,25 @@ def _turned(row: Array, angle: Array | float) -> Array:
     return np.asarray(np.fft.irfft(spectrum * delayed, row.shape[-1]))
 
 
+def _moves(rows: Array, table: CycleTable, groups: tuple[Integers, Integers], moved: float) -> bool:
+    """Return whether another channel comes as much later [rad] in the second of two groups of cycles."""
+    lag = cycle_lags(rows, ordinary(table))
+    before, after = (float(np.median(lag[group])) for group in groups)
+    return abs(after - before - moved) < ALIKE * abs(moved)
+
+
 def _lost(quantity: str, moved: float, moment: float, table: CycleTable, first: int) -> Finding:
     kept = int(ordinary(table)[:first].sum())
+    both = " and " in quantity
+    lost = "log lost samples there or its clock was reset"
+    cause = f"the trigger slipped, or its {lost}" if both else f"a {lost}"
+    late = short(1e3 * abs(moved) / float(np.median(table.speed)), 3)
     return Finding(
         "samples_lost", "warning",
-        f"from {short(moment, 7)} s on the {quantity} comes {short(abs(moved) / DEGREE)} degrees of cam angle "
-        f"({short(1e3 * abs(moved) / float(np.median(table.speed)), 3)} ms) {'later' if moved > 0.0 else 'earlier'} "
-        "than before, a pure shift: a log lost samples there or its clock was reset; "
-        f"only the {kept} cycles before it are used, where the logs still agree in time",
+        f"from {short(moment, 7)} s on the {quantity} come{'s' * (not both)} {short(abs(moved) / DEGREE)} degrees of "
+        f"cam angle ({late} ms) {'later' if moved > 0.0 else 'earlier'} than before, a pure shift: {cause}; only the "
+        f"{kept} cycles before it are used, "
+        f"{'and the nominal angle is theirs' if both else 'where the logs still agree in time'}",
         quantity,
     )  # fmt: skip
 

@@ -104,7 +104,9 @@ TRIGGER = TableSchema("[trigger]", "what tells the cam angle", (
         band=ANGLE),
     Key("installation_tolerance_deg", "number", "half width of its mounting tolerance", "deg",
         band=Band(0.0, 180.0, "beyond half a revolution nothing is known")),
-    Key("meaning", "text", "what happens at that angle", default=""),
+    Key("meaning", "text",
+        "what happens at that angle; an end of pre-stroke or start of pressurisation is held against the lift table",
+        default=""),
     Key("edge", "choice", "the edge that counts", default="rising", choices=words("rising", "falling")),
     Key("pulses_per_rev", "whole", "teeth, missing ones counted as if present", default=1,
         band=Band(1, 100_000, "encoders have fewer lines")),
@@ -120,7 +122,8 @@ TRIGGER = TableSchema("[trigger]", "what tells the cam angle", (
         band=Band(1, 16, "gears of pump drives are lower"), own=True),
     Key("side", "choice", "on the camshaft, or on the motor's side of the shaft", default="cam",
         choices=words("cam", "motor"), own=True),
-    Key("reference", "choice", "`index`: the nominal angle is that of the `index` channel's pulse", default="",
+    Key("reference", "choice", "`index`: the nominal angle is that of the `index` channel's pulse; taken so wherever "
+        "even pulses have no mark of their own", default="",
         choices=words("index"), own=True),
 ))  # fmt: skip
 
