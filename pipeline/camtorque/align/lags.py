@@ -19,6 +19,8 @@ from camtorque.signal.threshold import Count, Threshold
 from camtorque.stacks import pieces
 from camtorque.units import DEGREE, TURN, short
 
+STEPS = ("samples_lost", "trigger_slipped")
+"""Codes of the finding on a step of one channel against the trigger, and of torque and pressure together."""
 FEWEST = Count(6, "cycles", "convention", "Cycles below which neither a step nor a drift is looked for.")
 BESIDE_STEP = Count(3, "cycles", "convention", "Cycles on either side of a step, at least.")
 LEAST_MOVE = Threshold(
@@ -82,7 +84,7 @@ def settle_lags(table: CycleTable, time: Array, edge_noise: float) -> Lags:
             alike = [_moves(other, table, (sound[:lost], sound[lost + 1 :]), moved) for other in others]
             told = " and ".join(table.aligned) if alike and all(alike) else quantity
             findings = [
-                *(finding for finding in findings if finding.code != "samples_lost"),
+                *(finding for finding in findings if finding.code not in STEPS),
                 _lost(told, moved, time[sound[lost]], table, sound[lost - 1]),
             ]
             sound = sound[: lost - 1]
@@ -201,7 +203,7 @@ def _lost(quantity: str, moved: float, moment: float, table: CycleTable, first: 
     cause = f"the trigger slipped, or its {lost}" if both else f"a {lost}"
     late = short(1e3 * abs(moved) / float(np.median(table.speed)), 3)
     return Finding(
-        "samples_lost", "warning",
+        STEPS[both], "warning",
         f"from {short(moment, 7)} s on the {quantity} come{'s' * (not both)} {short(abs(moved) / DEGREE)} degrees of "
         f"cam angle ({late} ms) {'later' if moved > 0.0 else 'earlier'} than before, a pure shift: {cause}; only the "
         f"{kept} cycles before it are used, "

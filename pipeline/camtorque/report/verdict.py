@@ -51,6 +51,7 @@ DOUBTFUL = {
     "csv_cut_row": "a log that may be cut short",
     "mains_hum": "mains hum that stays in the mean torque",
     "no_load_friction": "a pump without friction under load",
+    "trigger_slipped": "a trigger that slipped",
     "trigger_far_off": "a trigger far from where torque and pressure put it",
     "sheet_contradicted": "a sheet that torque and pressure contradict",
     "sensitivity_off_nominal": "a certificate that contradicts its sheet",
