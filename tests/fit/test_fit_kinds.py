@@ -167,7 +167,7 @@ def test_what_comes_with_a_valve_that_may_not_be_there_is_not_needed(monkeypatch
 def test_an_interval_reaches_as_far_as_both_kinds_do(kept: float, other: float, up: bool, probability: float):
     """Draws of both kinds lie beyond the end on the other one's side as often as an interval of 95 % says."""
     row = ROWS[ARM] if up else replace(ROWS[ARM], source=BUSH.source, prior=BUSH.prior)
-    width, own, rng = BUSH.width_of_other(row), 25.0e-6, np.random.default_rng(5)
+    width, own, rng = BUSH.turned(row)["prior"][1], 25.0e-6, np.random.default_rng(5)
     low, high = either_kind(row, (kept, own), other, probability, (0.0, 300.0e-6))
     is_other = rng.random(400_000) < probability
     drawn = np.where(is_other, rng.normal(other, width, is_other.size), rng.normal(kept, own, is_other.size))

@@ -104,14 +104,17 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     silent = silence_findings(base, channels.main)
     base = replace(base, findings=(*base.findings, *silent, *findings, *running, *untied))
     found = _cam_cycles(recording, table, used, cut_flow, {**aligned, **others}, base, angle, lags.wander)
-    cut_off: tuple[Finding, ...] = ()
-    if found.torque is not None:
-        cut_off = (
-            *no_mean_findings(found.mean_torque), *flat_top_findings(found.torque, found.mean_torque, "torque"),
-        )  # fmt: skip
-    if "pressure" in channels.main:
-        cut_off = (*cut_off, *flat_top_findings(found.pressure, found.mean_pressure, "pressure"))
-    return _at_rest(recording, replace(found, findings=(*found.findings, *_rare(found), *cut_off)))
+    taken_off = _taken_off(found, "pressure" in channels.main)
+    return _at_rest(recording, replace(found, findings=(*found.findings, *_rare(found), *taken_off)))
+
+
+def _taken_off(found: CamCycles, has_pressure: bool) -> tuple[Finding, ...]:
+    """Tell tops and a mean that were taken off the cycles before the logger."""
+    torque = found.torque
+    of_torque = () if torque is None else (
+        *no_mean_findings(found.mean_torque), *flat_top_findings(torque, found.mean_torque, "torque"),
+    )  # fmt: skip
+    return (*of_torque, *(flat_top_findings(found.pressure, found.mean_pressure, "pressure") if has_pressure else ()))
 
 
 def _no_turn(recording: Recording, base: TimeBase) -> Refusal:

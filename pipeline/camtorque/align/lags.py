@@ -7,7 +7,7 @@ typical one, to some hundredths of a degree, and neither shows in a mean cycle.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,25 +73,28 @@ def settle_lags(table: CycleTable, time: Array, edge_noise: float) -> Lags:
     least = max(LEAST_MOVE * DEGREE, SAMPLES_WIDE * edge_noise * float(np.median(table.speed)))
     slipped, wander = np.zeros(table.index.size, dtype=bool), dict[str, float]()
     findings: list[Finding] = []
-    for quantity, item in table.aligned.items():
-        rows, sound = item.rows, np.flatnonzero(ordinary(table) & ~slipped)
-        lag = cycle_lags(rows, ordinary(table))
+    lags = {quantity: cycle_lags(item.rows, ordinary(table)) for quantity, item in table.aligned.items()}
+    for quantity, lag in lags.items():
+        rows, sound = table.aligned[quantity].rows, np.flatnonzero(ordinary(table) & ~slipped)
         while (step := _first_step(rows, sound, lag, least)) is not None:
             lost, moved = step
             # samples lost where a cycle is flat do not move that cycle: the one before goes too
             slipped[sound[lost - 1] :] = True
-            others = [other.rows for name, other in table.aligned.items() if name != quantity]
-            alike = [_moves(other, table, (sound[:lost], sound[lost + 1 :]), moved) for other in others]
-            told = " and ".join(table.aligned) if alike and all(alike) else quantity
+            groups = sound[:lost], sound[lost + 1 :]
+            alike = [
+                name for name, other in lags.items()
+                if name == quantity or abs(_step(other, *groups) - moved) < ALIKE * abs(moved)
+            ]  # fmt: skip
             findings = [
                 *(finding for finding in findings if finding.code not in STEPS),
-                _lost(told, moved, time[sound[lost]], table, sound[lost - 1]),
+                _lost(alike, moved, time[sound[lost]], table, sound[lost - 1]),
             ]
             sound = sound[: lost - 1]
         drift = _drift(rows, sound, lag, time, least)
         if drift:
             span = float(time[sound[-1]] - time[0])
             wander[quantity], turned = drift * span / 2.0, span * float(np.median(table.speed[sound]))
+            lag -= drift * (time - time[0])
             for piece in pieces(rows):
                 rows[piece] = _turned(rows[piece], -drift * (time[piece] - time[0]))
     if wander:
@@ -144,7 +147,7 @@ def _clearest_step(rows: Array, sound: Integers, lag: Array, least: float) -> tu
     left = _squares(found, 0, torn) + _squares(found, torn + 1, n)
     lost = int(torn[np.argmin(left)])
     before, after = sound[:lost], sound[lost + 1 :]
-    moved = float(np.median(lag[after]) - np.median(lag[before]))
+    moved = _step(lag, before, after)
     scatter = 1.4826 * float(np.median(np.abs(np.diff(found)))) / np.sqrt(2.0)
     sure = SIGNIFICANT * scatter * np.sqrt(1.0 / before.size + 1.0 / after.size)
     line = np.polynomial.Polynomial.fit(np.arange(n), found, 1)(np.arange(n))
@@ -189,16 +192,14 @@ def _turned(row: Array, angle: Array | float) -> Array:
     return np.asarray(np.fft.irfft(spectrum * delayed, row.shape[-1]))
 
 
-def _moves(rows: Array, table: CycleTable, groups: tuple[Integers, Integers], moved: float) -> bool:
-    """Return whether another channel comes as much later [rad] in the second of two groups of cycles."""
-    lag = cycle_lags(rows, ordinary(table))
-    before, after = (float(np.median(lag[group])) for group in groups)
-    return abs(after - before - moved) < ALIKE * abs(moved)
+def _step(lag: Array, before: Integers, after: Integers) -> float:
+    """Return by how much later a channel comes in the second of two groups of cycles [rad]."""
+    return float(np.median(lag[after]) - np.median(lag[before]))
 
 
-def _lost(quantity: str, moved: float, moment: float, table: CycleTable, first: int) -> Finding:
-    kept = int(ordinary(table)[:first].sum())
-    both = " and " in quantity
+def _lost(quantities: Sequence[str], moved: float, moment: float, table: CycleTable, first: int) -> Finding:
+    """Tell where channels step: all of them against the trigger, or one against it and the others."""
+    kept, both, quantity = int(ordinary(table)[:first].sum()), len(quantities) > 1, " and ".join(quantities)
     lost = "log lost samples there or its clock was reset"
     cause = f"the trigger slipped, or its {lost}" if both else f"a {lost}"
     late = short(1e3 * abs(moved) / float(np.median(table.speed)), 3)

@@ -283,19 +283,27 @@ def flat_top_findings(rows: Array, mean: Array, quantity: str) -> tuple[Finding,
     Noise that is added behind the cut leaves no equal samples.
     """
     unit, per, degrees = TOPS[quantity]
-    places = np.arange(rows.shape[0])
-    halves = (places[: places.size // 2], places[places.size // 2 :])
-    for cycle in (mean, *(np.mean(rows[_some(half)], axis=0) for half in halves if half.size)):
-        height = TOP * float(np.ptp(cycle))
-        top = cycle[cycle > np.max(cycle) - height]
-        wide = 360.0 * top.size / cycle.size
-        level = float(np.median(top)) if top.size else 0.0
-        is_flat = np.mean(np.abs(top - level) < 0.1 * height) >= FLAT_TOP if top.size >= TOP_POINTS else False
-        if is_flat and wide >= degrees:
-            text = (
-                f"the {quantity} stays at {level / per:.4g} {unit} over {wide:.2g} degrees where it is highest, "
-                "expected a top that bends: an amplifier or the range of the transducer's output cuts it off; widen "
-                "the range and record again, since peak, work and all that is fitted rest on what is missing"
-            )
-            return (Finding(f"{quantity}_flat_top", "warning", text, quantity),)
-    return ()
+    halves = np.array_split(np.arange(rows.shape[0]), 2)
+    tops = (
+        _level_top(cycle) for cycle in (mean, *(np.mean(rows[_some(half)], axis=0) for half in halves if half.size))
+    )
+    level, wide = next((top for top in tops if top[1] and top[1] >= degrees), (0.0, 0.0))
+    if not wide:
+        return ()
+    text = (
+        f"the {quantity} stays at {level / per:.4g} {unit} over {wide:.2g} degrees where it is highest, "
+        "expected a top that bends: an amplifier or the range of the transducer's output cuts it off; widen the range "
+        "and record again, since peak, work and all that is fitted rest on what is missing"
+    )
+    return (Finding(f"{quantity}_flat_top", "warning", text, quantity),)
+
+
+def _level_top(cycle: Array) -> tuple[float, float]:
+    """Return level and width [deg] of a cycle's top (n,) where that is level, zeros where it is not."""
+    height = TOP * float(np.ptp(cycle))
+    top = cycle[cycle > np.max(cycle) - height]
+    if top.size < TOP_POINTS:
+        return 0.0, 0.0
+    level = float(np.median(top))
+    is_level = np.mean(np.abs(top - level) < 0.1 * height) >= FLAT_TOP
+    return (level, 360.0 * top.size / cycle.size) if is_level else (0.0, 0.0)

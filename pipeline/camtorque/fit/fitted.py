@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from statistics import NormalDist
+from typing import cast
 
 import numpy as np
 
@@ -85,7 +86,9 @@ def either_kind(
     interval : by the variance of both [SI]
     """
     own = NormalDist(kept[0], max(kept[1], 1e-3 * abs(other - kept[0])) or 1.0)
-    beside = NormalDist(other, max(KINDS[PIN].width_of_other(row), own.stdev))
+    turned = KINDS[PIN].turned(row)
+    assert turned is not None  # a kind that is kept is one of the two
+    beside = NormalDist(other, max(cast(tuple[float, float], turned["prior"])[1], own.stdev))
     up = other > kept[0]
 
     def beyond(x: float) -> float:

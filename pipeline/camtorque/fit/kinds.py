@@ -80,11 +80,10 @@ class Kind:
         )
         return first, second
 
-    def width_of_other(self, row: ParameterRow) -> float:
-        """Return the standard deviation that the kind which a row is not of has beforehand [SI]."""
+    def turned(self, row: ParameterRow) -> Mapping[str, object] | None:
+        """Return what the kind that a row is not of makes of it; None of a row that is of neither."""
         usual, second = self.rows(row)
-        other = usual if row.source == self.source else second
-        return cast(tuple[float, float], other["prior"])[1]
+        return {ROWS[self.parameter].source: second, self.source: usual}.get(row.source)
 
     def of_most(self, rows: Sequence[ParameterRow]) -> list[ParameterRow]:
         """Return the rows of the kind that most recordings have, the usual one where as many have either."""
@@ -307,12 +306,11 @@ def other_kind(kind: Kind, row: ParameterRow, mean: float, std: float) -> OtherK
     row : of the part's parameter at the minimum
     mean, std : of the parameter, as if it had no bounds [SI]
     """
-    usual, second = kind.rows(row)
-    turned = {ROWS[kind.parameter].source: second, kind.source: usual}.get(row.source)
+    turned = kind.turned(row)
     if turned is None or row.prior is None:
         return None
     risen, moved = _swapped(row, mean, std, cast(tuple[float, float], turned["prior"]))
-    share = kind.share if turned is second else 1.0 - kind.share
+    share = 1.0 - kind.share if row.source == kind.source else kind.share
     return OtherKind(turned, risen + math.log(share / (1.0 - share)), moved)
 
 

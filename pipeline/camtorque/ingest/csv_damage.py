@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from camtorque.ingest.csv_layout import CsvLayout, is_remark
-from camtorque.ingest.csv_table import is_row, split_row
+from camtorque.ingest.csv_layout import CsvLayout, fields_of, is_remark, is_sound_row
 from camtorque.records import Array, Finding, Mask
 from camtorque.units import counted
 
@@ -39,13 +38,6 @@ class Damage:
     def end_at(self, line: int) -> None:
         """Forget what lies below a line: no part of the table."""
         self.rows, self.cells = (array("q", [at for at in lines if at <= line]) for lines in (self.rows, self.cells))
-
-    def is_remarked(self, lines: list[int]) -> None:
-        """Take lines, the last ones first, for remarks between rows, and for no damaged rows."""
-        self.remarks.extend(reversed(lines))
-        for of in (self.rows, self.cells):
-            for line in set(lines) & set(of[-2 * len(lines) - 8 :]):
-                of.remove(line)
 
     def bare_rows(self, ended: list[Array], line: int) -> int:
         """Return how many rows at the end hold no number in any column and are damaged: lines below the table."""
@@ -91,11 +83,10 @@ def bare_findings(bare: int, path: Path) -> list[Finding]:
 def tail_findings(tail: bytes, path: Path, line: int, layout: CsvLayout) -> list[Finding]:
     """Tell a last row without a line end: one that lacks fields is cut, of another the last number may lack digits."""
     text = tail.decode(layout.encoding, errors="replace").strip()
-    fields = split_row(text, layout.separator)
+    fields = fields_of(text, layout)
     if not tail or is_remark(text, fields, layout):
         return []
-    whole = is_row(fields, layout.decimal, layout.thousands, layout.words) == layout.n_columns and bool(fields[-1])
-    if whole:
+    if is_sound_row(fields, layout) and fields[-1]:
         text = f"the last row (line {line}) has no line end and is not used: its last number may lack digits"
         return [Finding("csv_no_line_end", "info", text, path.name)]
     text = (

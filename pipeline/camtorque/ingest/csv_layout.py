@@ -272,6 +272,19 @@ def is_other_header(fields: list[str], layout: CsvLayout) -> bool:
     return 1 < len(texts) == layout.n_columns == len(fields) and bool(names_in(texts) & set(layout.names))
 
 
+def fields_of(text: str, layout: CsvLayout) -> list[str]:
+    """Return the fields of a line, without what a separator at its end parts off."""
+    fields = split_row(text, layout.separator)
+    while layout.separator != " " and len(fields) == layout.n_columns + 1 and not fields[-1]:
+        fields.pop()
+    return fields
+
+
+def is_sound_row(fields: list[str], layout: CsvLayout) -> bool:
+    """Tell a row with a value in each column."""
+    return is_row(fields, layout.decimal, layout.thousands, layout.words) == layout.n_columns
+
+
 def is_remark(text: str, fields: list[str], layout: CsvLayout) -> bool:
     """Tell a line of another number of fields that is no row: a marker, an event, a line of a footer."""
     if len(fields) == layout.n_columns or not text.isprintable():

@@ -11,9 +11,11 @@ import math
 import re
 import tempfile
 import weakref
+from bisect import bisect_left
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import itemgetter
 from pathlib import Path
 from typing import BinaryIO
 
@@ -24,8 +26,17 @@ from camtorque.config import ChannelSpec
 from camtorque.ingest.cells import LEVELS, MISSING, NO_VALUE, NUMBER, OVERRANGE, PARTING, THOUSANDS, unwrapped
 from camtorque.ingest.columns import columns_of, raw_file
 from camtorque.ingest.csv_damage import Damage, bare_findings, damage_findings, tail_findings
-from camtorque.ingest.csv_layout import CsvLayout, is_other_header, is_remark, layout_findings, sniff, text_pieces
-from camtorque.ingest.csv_table import is_row, split_row
+from camtorque.ingest.csv_layout import (
+    CsvLayout,
+    fields_of,
+    is_other_header,
+    is_remark,
+    is_sound_row,
+    layout_findings,
+    sniff,
+    text_pieces,
+)
+from camtorque.ingest.csv_table import split_row
 from camtorque.ingest.listing import listed
 from camtorque.ingest.raw import IN_MEMORY_BYTES, ArraySource, FileChannel, PairSource, RawFile, read_into, refusing
 from camtorque.ingest.stamp_texts import kind_of_dates, seconds_of, seconds_of_texts
@@ -257,8 +268,7 @@ def _parse_lines(
     block: bytes, layout: CsvLayout, wanted: list[int], stamps: dict[int, str], damage: Damage, first: int
 ) -> list[Array]:
     """Parse line by line; a damaged row or cell is nan and counted, two rows run together are two."""
-    rows: list[TextRow] = []
-    remarks: list[int] = []
+    rows, remarks = list[TextRow](), list[int]()
     blank, heads = 0, [sorted(split_row(head, layout.separator)) for head in layout.repeated]
     for line, text in enumerate(block[:-1].decode(layout.encoding, errors="replace").split("\n"), start=first):
         text = text.rstrip("\r")
@@ -270,25 +280,24 @@ def _parse_lines(
             blank = 0
             continue
         blank = blank + 1 if not text.strip() else 0
-        fields = _fields_of(text, layout)
-        is_sound = is_row(fields, layout.decimal, layout.thousands, layout.words) == layout.n_columns
+        fields = fields_of(text, layout)
+        is_sound = is_sound_row(fields, layout)
         if fields[1:] and sorted(fields) in heads:
             damage.reordered = damage.reordered or line
         elif damage.renamed and is_sound:
             damage.reordered = damage.reordered or damage.renamed
-        if is_sound and remarks:  # those below the last row stand below the table
-            damage.is_remarked([rows.pop(place)[0] for place in reversed(remarks)])
-            remarks.clear()
+        if is_sound and remarks:
+            damage.remarks.extend(remarks)
+            _leave_out(rows, remarks)
         if len(fields) != layout.n_columns:
-            damage.rows.append(line)
-            remark = is_remark(text, fields, layout)
-            remarks += [len(rows)] * remark
-            rows += [(line, [np.nan] * len(wanted), [""] * len(stamps))] * (1 if remark else _rows_lost(fields, layout))
+            (remarks if is_remark(text, fields, layout) else damage.rows).append(line)
+            rows += [(line, [np.nan] * len(wanted), [""] * len(stamps))] * _rows_lost(fields, layout)
         else:
             values = [np.nan if c in stamps else _cell(fields[c], layout, c, damage, line) for c in wanted]
             rows.append((line, values, [fields[column] for column in stamps]))
             if all(map(math.isnan, values)) and is_other_header(fields, layout):
                 damage.renamed = damage.renamed or line
+    damage.rows.extend(remarks)  # below the last row: below the table
     return _columns_of(rows, wanted, stamps, damage)
 
 
@@ -303,11 +312,11 @@ def _columns_of(rows: list[TextRow], wanted: list[int], stamps: dict[int, str], 
     return columns or [np.empty(0) for _ in wanted]
 
 
-def _fields_of(text: str, layout: CsvLayout) -> list[str]:
-    fields = split_row(text, layout.separator)
-    while layout.separator != " " and len(fields) == layout.n_columns + 1 and not fields[-1]:
-        fields.pop()  # a separator at the end of the row
-    return fields
+def _leave_out(rows: list[TextRow], lines: list[int]) -> None:
+    """Take the rows of some lines, and these lines, out of their lists."""
+    below = bisect_left(rows, lines[0], key=itemgetter(0))
+    rows[below:] = [row for row in rows[below:] if row[0] not in lines]
+    lines.clear()
 
 
 def _rows_lost(fields: list[str], layout: CsvLayout) -> int:
