@@ -266,6 +266,12 @@ def test_a_remark_among_the_rows_is_no_lost_sample(tmp_path: Path, remark: str, 
     assert raw.findings[0].text == "3 lines among the rows are remarks and are left out (line 11, 23, 24)"
 
 
+def test_a_whole_last_row_with_a_separator_at_its_end_is_not_cut(tmp_path: Path):
+    body = [f"{row};" for row in rows()[:50]]  # too few rows to tell what the last one may lack
+    (finding,) = log(tmp_path, "\n".join([HEAD, *body]), end="").findings
+    assert (finding.code, finding.severity) == ("csv_no_line_end", "info")
+
+
 @pytest.mark.parametrize("row", ["x", "0.00045;2.6", "\x00\x00 zz yy", "abc;def;ghi"])
 def test_what_may_have_been_a_row_is_no_remark(tmp_path: Path, row: str):
     raw = log(tmp_path, HEAD, *rows()[:9], row, *rows()[10:])

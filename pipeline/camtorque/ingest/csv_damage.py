@@ -86,7 +86,7 @@ def tail_findings(tail: bytes, path: Path, line: int, layout: CsvLayout) -> list
     fields = fields_of(text, layout)
     if not tail or is_remark(text, fields, layout):
         return []
-    if is_sound_row(fields, layout) and fields[-1]:
+    if is_sound_row(fields, layout) and (fields[-1] or not layout.first_row[-1]):
         text = f"the last row (line {line}) has no line end and is not used: its last number may lack digits"
         return [Finding("csv_no_line_end", "info", text, path.name)]
     text = (
