@@ -59,6 +59,7 @@ DOUBTFUL = {
     "lift_outlier": "a lift table with outliers",
     "contact_stress_impossible": "a contact stress that no steel bears",
     "pressure_along_line": "a pressure that is measured far along the line",
+    "contact_lost": "a follower that leaves its cam",
     "not_converged": "a search that stopped short of its minimum",
 }
 """Warning on what a fit rests on -> how the headline names it; an error is named by its code."""
