@@ -187,6 +187,14 @@ def test_no_trigger_is_refused(tmp_path: Path):
         load_recording_config(write(tmp_path, text))
 
 
+def test_a_log_is_no_recording(tmp_path: Path):
+    """'has 4868553 bytes, a TOML file of a bench has at most 524288', where `run log.csv` was typed."""
+    log = tmp_path / "log.csv"
+    log.write_text("time,torque\n0.0,1.0\n")
+    with pytest.raises(Refusal, match=r"is no TOML file; .*; for a log, `camtorque new .*log\.csv` writes one$"):
+        load_recording_config(log)
+
+
 def test_missing_empty_and_foreign_files(tmp_path: Path):
     with pytest.raises(Refusal, match="is a folder; expected a pump file"):
         read_toml(tmp_path, "expected a pump file")

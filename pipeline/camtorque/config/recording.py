@@ -49,6 +49,8 @@ def load_recording_config(path: Path) -> RecordingConfig:
     """
     file = path / RECORDING_FILE if path.is_dir() else path
     expected = f"a recording is a folder that holds {RECORDING_FILE}, or that file{_near(path)}"
+    if path.is_file() and path.suffix != ".toml":
+        raise Refusal(f"{path}: is no TOML file; {expected}; for a log, `camtorque new {path}` writes one")
     text, root = read_schema(file, RECORDING_SCHEMA, expected)
     problems = Problems()
     single = {name: _one(root, name, problems) for name in ("recording", "pump", "trigger", "fluid", "drive")}
