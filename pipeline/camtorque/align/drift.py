@@ -35,6 +35,16 @@ SIZE_SHARE = Threshold(
     0.01, "1", "simulated rigs",
     "Share by which the cycles of the torque may grow beside what their line pressure does: sound runs reach 0.004."
 )  # fmt: skip
+FOLLOWS = (0.5, 1.5)
+"""Share of its pressure's change by which a torque may change under another load: springs and friction do not."""
+CHANGED_SHARE = Threshold(
+    0.05, "1", "simulated rigs",
+    "Share by which the torque's size may differ between fifths of a recording: sound runs reach 0.028."
+)  # fmt: skip
+SCATTERED_SHARE = Threshold(
+    0.08, "1", "simulated rigs", "Share within which nine of ten cycles' torque has its size: sound runs reach 0.049."
+)
+FIFTHS = 5
 STEP_SAMPLES = 1 << 18
 """Samples from which the step of a converter is taken."""
 
@@ -108,17 +118,58 @@ def size_findings(torque: tuple[Array, Array], pressure: tuple[Array, Array], in
     """
     if index.size < FEWEST:
         return ()
-    size, asked = (products_of(values, _shape(mean)) for values, mean in (torque, pressure))
+    size, asked = (sizes(*rows) for rows in (torque, pressure))
     drift, stderr = _line(size, index, asked)
-    if abs(drift) < max(SIGNIFICANT * stderr, SIZE_SHARE):
+    alone, load = (_line(values, index)[0] for values in (size, asked))
+    beside = np.array([alone - share * load for share in FOLLOWS])
+    # where both change along a line, the regression tells them apart by their scatter
+    is_load = beside[0] * beside[1] <= 0.0 or float(np.min(np.abs(beside))) < SIZE_SHARE
+    if is_load or abs(drift) < max(SIGNIFICANT * stderr, SIZE_SHARE):
         return ()
-    grown = f"{'+' * (drift > 0.0)}{short(100.0 * drift, 2)} %"
     text = (
-        f"the torque of a cycle changes by {grown} during the recording, its line pressure does not: the gain of "
-        "transducer or amplifier drifts, or friction does; the fitted mean cycle has the size of no single moment; "
-        "warm up, check supply and plugs, record again"
+        f"the torque of a cycle changes by {_percent(alone)} during the recording, its line pressure by "
+        f"{_percent(load)}: the gain of transducer or amplifier drifts, or friction does; the fitted mean cycle has "
+        "the size of no single moment; warm up, check supply and plugs, record again"
     )
     return (Finding("torque_size_drifts", "warning", text, "torque"),)
+
+
+def load_findings(torque: tuple[Array, Array]) -> tuple[Finding, ...]:
+    """Tell cycles of several loads in one recording: their mean is of no moment that was.
+
+    Parameters
+    ----------
+    torque : (n_cycles, n_theta) and their mean (n_theta,) [N m]
+    """
+    size = sizes(*torque)
+    if size.size < 2 * FIFTHS:
+        return ()
+    along = [float(np.median(part)) for part in np.array_split(size, FIFTHS)]
+    low, high = (float(value) for value in np.quantile(size, (0.05, 0.95)))
+    every_other = float(np.median(size[::2]) - np.median(size[1::2]))
+    if abs(every_other) > CHANGED_SHARE:
+        how = f"every other cycle by {short(100.0 * abs(every_other), 2)} %: record where the pump runs evenly"
+    elif np.ptp(along) > CHANGED_SHARE:
+        parts = ", ".join(short(100.0 * part, 3) for part in along)
+        how = f"from one fifth of the recording to the next ({parts} %): cut the logs, one load in each"
+    elif high - low > SCATTERED_SHARE:
+        how = "from cycle to cycle: record once the load is steady"
+    else:
+        return ()
+    text = (
+        f"nine of ten cycles have {short(100.0 * low, 3)} to {short(100.0 * high, 3)} % of the torque of their mean, "
+        f"which is fitted and is of no moment that was; it changes {how}"
+    )
+    return (Finding("load_changes", "warning", text, "torque"),)
+
+
+def sizes(values: Array, mean: Array) -> Array:
+    """Return how large each cycle (n_cycles, n_theta) is beside their mean (n_theta,), whatever its level."""
+    return products_of(values, _shape(mean))
+
+
+def _percent(share: float) -> str:
+    return f"{'+' * (share > 0.0)}{short(100.0 * share, 2)} %"
 
 
 def _shape(mean: Array) -> Array:

@@ -38,7 +38,7 @@ INPUT_CAUSES = frozenset({
     "base_torque_negative", "base_torque_large", "zero_off_certificate", "several_strokes", "revolutions_alternate",
     "closing_lift_unusual", "trigger_angle_doubtful", "uneven_running", "torque_against_model", "speed_off_nominal",
     "pump_unusual", "torque_drifts", "torque_size_drifts", "lift_table_coarse", "pressure_misplaced",
-    "pressure_along_line", "sheet_contradicted", "trigger_far_off",
+    "pressure_along_line", "sheet_contradicted", "trigger_far_off", "load_changes",
 })  # fmt: skip
 """Findings on the input that explain a model that fails: the first of them is said first."""
 NOT_LOSSES = ("unit", "input", "closure_percent")

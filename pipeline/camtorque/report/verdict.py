@@ -47,6 +47,7 @@ DOUBTFUL = {
     "torque_flat_top": "a torque whose top is cut off",
     "pressure_flat_top": "a pressure whose top is cut off",
     "low_cycles_used": "only those cycles that stay within the range of a sensor",
+    "load_changes": "a load that was not one",
     "torque_size_drifts": "a torque whose size drifts beside its pressure",
     "csv_cut_row": "a log that may be cut short",
     "mains_hum": "mains hum that stays in the mean torque",
