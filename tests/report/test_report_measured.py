@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,8 +12,9 @@ import pytest
 from camtorque.records import CamCycles, Estimate, FittedTorque
 from camtorque.report.alignment import aligned_cycles, write_alignment
 from camtorque.report.bundle import RunResult
-from camtorque.report.document import measured_document
+from camtorque.report.document import result_document
 from camtorque.report.gaps import gap_shares
+from camtorque.report.measured import measured_document, measured_findings
 from camtorque.report.texts import measured_text
 from camtorque.report.write import figures_of, write_run
 from report_cases import run_result
@@ -61,6 +63,30 @@ def test_the_volume_of_a_stroke_stands_beside_that_of_the_model(tmp_path: Path) 
     assert doc["recording"]["fuel_temperature_c"] == pytest.approx(330.0 - 273.15)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "Delivered per stroke: 70 mm³ measured, 66.5 ± 4.0 mm³ by the model (+5.3 %)" in page
+
+
+@pytest.mark.parametrize(("gain", "contradicts"), [(1.0, False), (1.002, False), (0.7, True), (1.1, True)])
+def test_a_measured_chamber_that_contradicts_the_fit_is_in_the_headline(gain: float, contradicts: bool) -> None:
+    """1030 bar beside 1472 ± 13 were a sentence far down, and *Explained*."""
+    result = run_result()
+    chamber = np.tile(gain * result.fitted.chamber_pressure, (result.cycles.index.size, 1))
+    doc = result_document(with_channels(chamber_pressure=chamber))
+    told = [row for row in doc["findings"] if row["code"] == "chamber_contradicted"]
+    assert len(told) == contradicts
+    assert ("a measured chamber pressure that contradicts" in doc["verdict"]["text"]) == contradicts
+    assert all(
+        re.match(r"the measured chamber pressure contradicts the rebuilt one: \d+.* against", row["text"])
+        for row in told
+    )
+
+
+@pytest.mark.parametrize(("measured", "contradicts"), [(66.5, False), (74.0, False), (82.0, True), (50.0, True)])
+def test_a_measured_delivery_that_contradicts_the_fit_is_in_the_headline(measured: float, contradicts: bool) -> None:
+    """The model has 66.5 ± 4 mm³."""
+    volume = np.full((run_result().cycles.index.size, 720), measured * 1e-9)
+    told = measured_findings(measured_document(with_channels(delivered_volume=volume)))
+    assert [row.code for row in told] == ["delivery_contradicted"] * contradicts
+    assert all("mm³ a stroke against 66.5 ± 4" in row.text for row in told)
 
 
 def test_a_temperature_is_shown_in_degrees_centigrade() -> None:

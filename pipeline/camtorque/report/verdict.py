@@ -60,6 +60,8 @@ DOUBTFUL = {
     "lift_outlier": "a lift table with outliers",
     "contact_stress_impossible": "a contact stress that no steel bears",
     "pressure_along_line": "a pressure that is measured far along the line",
+    "chamber_contradicted": "a measured chamber pressure that contradicts the rebuilt one",
+    "delivery_contradicted": "a measured delivery that contradicts the model",
     "contact_lost": "a follower that leaves its cam",
     "not_converged": "a search that stopped short of its minimum",
 }
