@@ -116,6 +116,18 @@ def test_table_read_against_the_direction_of_running_is_refused(family: str) -> 
         check_flanks(typical, wrong, speed)
 
 
+@pytest.mark.parametrize("late_deg", [60.0, 90.0])
+def test_a_torque_that_alone_comes_late_is_refused_with_its_delay(late_deg: float) -> None:
+    """A telemetry of 12 ms was refused as a wrong trigger, lift table or rotation."""
+    recording, typical, speed = rig("closed_volume", 400.0)
+    steps = round(late_deg * typical["torque"].size / 360.0)
+    with pytest.raises(Refusal, match="does not rise") as refused:
+        check_flanks({**typical, "torque": np.roll(typical["torque"], steps)}, recording, speed)
+    found = re.search(r"the torque alone that comes ([\d.]+) ms later .*group_delay_s", str(refused.value))
+    assert found
+    assert float(found[1]) == pytest.approx(1e3 * np.radians(late_deg) / speed, rel=0.1)
+
+
 def test_a_hub_that_rings_at_a_low_order_is_no_wrong_table() -> None:
     recording, typical, speed = rig("closed_volume", 1100.0)
     theta = np.arange(typical["torque"].size) * (TURN / typical["torque"].size)

@@ -284,7 +284,7 @@ def test_arrays_that_cannot_be_used_are_refused(
     [
         ({"gain_std": -0.01}, "Sensor gain_std: found -0.01, expected a number from 0 to 0.5"),
         ({"zero_std": np.nan}, "Sensor zero_std: found nan"),
-        ({"delay": -4.5e-4}, r"Sensor delay \[s\]: found -0.00045, expected a number from 0 to 0.002"),
+        ({"delay": -4.5e-4}, r"Sensor delay \[s\]: found -0.00045, expected a number from 0 to 0.1"),
         ({"delay_std": 1.0}, r"Sensor delay_std \[s\]: found 1.0"),
         ({"cutoff_hz": 0.0}, "Sensor cutoff_hz: found 0.0, expected a positive number"),
         ({"cutoff_hz": None}, "Sensor cutoff_hz: found None, expected a positive number"),

@@ -144,7 +144,6 @@ def test_a_log_named_for_another_run_is_told(bench: Path, name: str, told: bool)
     ("old", "new", "message"),
     [
         ("group_delay_s = 0.00045", "group_delay_s = 0.0", "shorter than the 0.00023 s of its own low-pass"),
-        ("group_delay_s = 0.00045", "group_delay_s = 0.0045", "from 0 to 0.002 s"),
         ("group_delay_s = 0.00045", "group_delay_s = 0.45", "did you mean 0.45 ms = 0.00045"),
         ("residual_ripple_V = 0.005", "residual_ripple_V = nan", "residual_ripple_V: found nan"),
         ("accuracy_class = 0.5", "accuracy_class = -0.5", "accuracy_class: found -0.5"),
@@ -154,6 +153,13 @@ def test_impossible_sheets_are_refused(bench: Path, old: str, new: str, message:
     edit(bench / "calibration" / TORQUE, old, new)
     with pytest.raises(Refusal, match=message):
         read(bench)
+
+
+@pytest.mark.parametrize(("delay", "told"), [("0.00045", False), ("0.0045", True), ("0.012", True)])
+def test_the_delay_of_telemetry_is_taken_and_told(bench: Path, delay: str, told: bool):
+    """12 ms of a telemetry were refused, and nothing said what to do."""
+    edit(bench / "calibration" / TORQUE, "group_delay_s = 0.00045", f"group_delay_s = {delay}")
+    assert ("delay_long" in codes(bench)) == told
 
 
 def test_unusual_pumps_are_told(bench: Path):

@@ -106,6 +106,7 @@ class Flanks:
     nominal_correlation : of torque with pressure times lift velocity as declared
     forward, mirrored : best place of the table as declared, and read against the direction of running
     mirrored_near : correlation of the mirrored table within `ALIKE_DEG` of its nominal place
+    torque_late : by what angle the torque alone comes later than pressure times lift velocity as declared
     """
 
     places: Mapping[str, float]
@@ -114,6 +115,7 @@ class Flanks:
     forward: Turned
     mirrored: Turned
     mirrored_near: float
+    torque_late: Turned
 
     @property
     def apart(self) -> float:
@@ -137,7 +139,7 @@ def check_flanks(typical: Mapping[str, Array], recording: Recording, speed: floa
     if not {"torque", "pressure"} <= set(typical) or recording.lift_table is None:
         return ()
     found = flank_places(typical["torque"], typical["pressure"], recording.cam_table, recording.config.pump, speed)
-    _refuse_misplaced(found, recording)
+    _refuse_misplaced(found, recording, speed)
     where = recording.config.id
     return (*_scattered(found, where), *_moved(found, recording, where), *_untold(found, where))
 
@@ -170,6 +172,7 @@ def flank_places(torque: Array, pressure: Array, table: CamTable, pump: PumpData
         forward=_best(scores[0]),
         mirrored=_best(scores[1]),
         mirrored_near=float(np.max(scores[1][near])),
+        torque_late=_best(_correlations(line * slope, np.ones(n), drive)),
     )
 
 
@@ -254,12 +257,16 @@ def _degrees(angle: float) -> str:
     return f"{np.degrees(angle):+.1f}"
 
 
-def _refuse_misplaced(found: Flanks, recording: Recording) -> None:
-    best = max(found.forward, found.mirrored, key=lambda item: item.correlation)
+def _refuse_misplaced(found: Flanks, recording: Recording, speed: float) -> None:
+    best, late = max(found.forward, found.mirrored, key=lambda item: item.correlation), found.torque_late
     least = max(found.nominal_correlation + BETTER, EXPLAINS)
     if found.rising_share >= RISING_SHARE or best.correlation < least:
         return
     spec = recording.config.trigger
+    delayed = "" if late.correlation < best.correlation or late.shift < 0.0 else (
+        f"; or it is the torque alone that comes {1e3 * late.shift / speed:.2f} ms later (correlation "
+        f"{late.correlation:.2f}), as by telemetry: group_delay_s of its sheet, or start_time_s of its channel"
+    )  # fmt: skip
     raise Refusal(
         f"{recording.config.id}: {100.0 * (1.0 - found.rising_share):.0f} % of the driving torque falls where the "
         "declared lift does not rise, expected next to none; torque follows pressure times lift velocity with the cam "
@@ -267,7 +274,7 @@ def _refuse_misplaced(found: Flanks, recording: Recording) -> None:
         f"{_degrees(found.mirrored.shift)} degrees with the lift table read against the direction of running "
         f"({found.mirrored.correlation:.2f}), as declared {found.nominal_correlation:.2f}; correct the direction of "
         f"the lift table and of rotation, or nominal_angle_deg = {np.degrees(spec.stated_angle):g} of the trigger"
-        f"{_starts(recording)}"
+        f"{_starts(recording)}{delayed}"
     )
 
 

@@ -27,7 +27,9 @@ SENSE = "amplifiers put out at most 15 V"
 IDLE = "no recording is longer"
 ANGLE = Band(-720.0, 720.0, "two revolutions at most")
 CAM_SPEED = Band(1.0, 30_000.0, "no bench turns a cam faster than some 10000 rpm")
-SENSOR_DELAY = Band(0.0, 2e-3, "amplifiers of this kind take microseconds to 2 milliseconds")
+SENSOR_DELAY = Band(
+    0.0, 0.1, "amplifiers take microseconds to 2 milliseconds, telemetry and digital filters up to 0.1 s"
+)
 SWITCH_DELAY = Band(0.0, 5e-3, "proximity switches take microseconds to a few milliseconds")
 
 IDLE_KEYS = (

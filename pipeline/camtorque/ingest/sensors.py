@@ -34,6 +34,8 @@ USUAL_DELAYS: dict[str, float] = {"torque": 0.5e-3, "pressure": 25e-6}
 """A delay that no sheet states: this +/- 100 %, which holds the amplifiers on the market [s]; reported as a warning."""
 NO_LOW_PASS = re.compile(r"(high|band|hoch)[ -]?pa(ss|ß)|passe[ -](haut|bande)", re.IGNORECASE)
 """Kinds of a filter that let no steady value through."""
+LONGEST_USUAL_DELAY = 2.0e-3
+"""Of amplifiers [s]: what is longer is telemetry or a digital filter, or a slip of unit, and is told."""
 USUAL_ORDER = 2
 """Order of a low-pass whose sheet names none."""
 CERTIFICATE_DAYS = 366
@@ -227,11 +229,14 @@ def _delay(sheet: Sheet, quantity: str) -> tuple[float, float, list[Finding]]:
             f"{sheet.where} group_delay_s: {delay:g} s is shorter than the {least:.3g} s of its own low-pass "
             f"(order {order}, {sheet['cutoff_hz']:g} Hz), which it has to include"
         )
+    long = f"a delay of {1e3 * delay:g} ms is that of telemetry or a digital filter, amplifiers take 2 ms at most"
+    told = [Finding("delay_long", "warning", f"{long}; is group_delay_s in seconds?", sheet.place)]
+    told = told if delay > LONGEST_USUAL_DELAY else []
     percent = sheet.percent("group_delay_note")
     if percent is not None:
-        return delay, delay * percent / 100.0 / math.sqrt(3.0), []
+        return delay, delay * percent / 100.0 / math.sqrt(3.0), told
     note = sheet["group_delay_note"]
     what = f"group_delay_note {note!r} names no percentage" if note else "the sheet states no tolerance"
     text = f"{what} of the delay of {delay:g} s; +/-{100 * DELAY_TOLERANCE:g} % is assumed"
-    finding = Finding("delay_tolerance_assumed", "info", text, sheet.place)
-    return delay, delay * DELAY_TOLERANCE / math.sqrt(3.0), [finding]
+    told.append(Finding("delay_tolerance_assumed", "info", text, sheet.place))
+    return delay, delay * DELAY_TOLERANCE / math.sqrt(3.0), told
