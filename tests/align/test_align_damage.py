@@ -14,7 +14,7 @@ from camtorque.align import AlignOptions, align
 from camtorque.align.polarity import _refuse_swapped
 from camtorque.align.quality import CUTS, flat_top_findings
 from camtorque.ingest import read_recording
-from camtorque.records import Array, CamCycles, Recording, Refusal
+from camtorque.records import Array, CamCycles, Channel, Recording, Refusal
 from camtorque.report.verdict import DOUBTFUL
 from camtorque.signal.damage import clipped_samples, clips_below, damage_of, damage_of_each
 from camtorque.units import angle_grid, counted
@@ -282,6 +282,21 @@ def test_a_trigger_that_fell_silent_behind_a_jump_of_the_time_is_told(pause: flo
     cycles = align(replace(recording, channels=channels))
     silent = [finding.text for finding in cycles.findings if finding.code == "trigger_silent"]
     assert [f"of {4.0 + max(pause, 0.0):.2f} s" in text for text in silent] == [True]
+
+
+def test_a_run_from_standstill_to_standstill_is_cut_at_both_ends_and_nothing_is_said_to_have_failed() -> None:
+    """Its coast-down was told as a sensor that fell silent, its second turn as a clock that was reset."""
+    recording = make(RIG)
+
+    def run_up_and_down(channel: Channel) -> Channel:
+        turned = np.linspace(0.0, 1.0, channel.n_samples)
+        speed = np.interp(turned, [0.05, 0.25, 0.75, 0.95], [0.0, 1.0, 1.0, 0.0])
+        place = np.cumsum(speed)
+        return replace(channel, source=Samples(np.interp(place, np.arange(place.size), channel.source.values)))
+
+    cycles = align(replace(recording, channels=tuple(map(run_up_and_down, recording.channels))))
+    assert not {"trigger_silent", "clock_jump"} & codes(cycles)
+    assert 12 <= len(cycles.index) < cycles.cycles_found
 
 
 def with_pressure(largest: float, saturates: bool, change: Callable[[Array], Array] = lambda volts: volts) -> Recording:

@@ -339,5 +339,6 @@ def _odd_periods(train: PulseTrain, n: int, edge_noise: float) -> np.ndarray:
     usual = 1.4826 * np.median(difference)
     agree = np.abs(before - after) / beside < NEIGHBOURS_AGREE * difference
     odd = (difference > max(LEAST_JUMP, TIMES_USUAL * usual, quantum)) & agree
-    jump[2:-1] = odd & ~train.broken[2:-1] & ~train.repaired[2:-1]
+    guessed = train.broken[1:-2] | train.broken[2:-1] | train.broken[3:]  # how many turns such an interval holds
+    jump[2:-1] = odd & ~guessed & ~train.repaired[2:-1]
     return jump

@@ -203,7 +203,7 @@ def silence_findings(base: TimeBase, channels: Mapping[str, Channel]) -> tuple[F
     channels : those that follow the cam; the pressure tells, else the torque
     """
     channel, train, n = channels.get("pressure") or channels.get("torque"), base.train, base.pulses_per_cycle
-    if channel is None or train.step[-1] - train.step[0] < n:
+    if channel is None or train.time.size <= 2 * n:
         return ()
     clock = base.clocks[channel.logger]
     spans = [_span(trigger.channel, base.clocks[logger]) for logger, trigger in base.triggers.items()]
@@ -212,11 +212,9 @@ def silence_findings(base: TimeBase, channels: Mapping[str, Channel]) -> tuple[F
     logged = max(span[0] for span in spans), min(span[1] for span in spans)  # no turn is used that a log lacks
     where = next(iter(base.triggers.values())).channel.where
     found = []
-    for name, edge, inside, end in (
-        ("begin", train.time[0], train.step[0] + n, logged[0]),
-        ("end", train.time[-1], train.step[-1] - n, logged[1]),
-    ):
-        turn = float(edge - np.interp(inside, train.step, train.time))
+    for name, times, end in (("begin", train.time, logged[0]), ("end", train.time[::-1], logged[1])):
+        edge, turn, before = times[0], float(times[0] - times[n]), float(times[n] - times[2 * n])
+        turn *= max(turn / before, 1.0)  # of a shaft that coasts down or runs up the next one is longer still
         lost = (end - edge) / turn
         if lost > SILENT_TURNS + 1.0 + LATE and _turns(channel, clock, float(edge), turn):
             text = (
