@@ -35,6 +35,7 @@ def document(explained: bool = True) -> dict[str, Any]:
         "alignment": {"trigger_angle_deg": {"value": 20.83, "stderr": 0.21, "nominal": 20.0}},
         "chamber": {"peak_bar": {"value": 1396.0, "stderr": 12.0}},
         "effects": ["chamber"],
+        "evidence": {},
         "losses": {**LOSSES, "input": 12.0, "closure_percent": 100.0 * (12.0 - 11.8) / 12.0},
         "losses_stderr": {"unit": "J", "pressure": 0.2, "friction": 0.3, "driveline": 0.1, "inertia": 0.0},
         "findings": [],
@@ -52,6 +53,18 @@ def test_the_parts_of_the_work_add_up() -> None:
     doc = document()
     doc["losses_stderr"]["input"] = 0.14
     assert "work      12.00 ± 0.14 J/rev = " in run_table(doc)
+
+
+def test_what_the_data_do_not_tell_stands_beside_what_they_need() -> None:
+    """*effects driveline* alone stood above a chamber pressure of 120 bar."""
+    assert "effects   chamber\n" in run_table(document())
+    told = {"friction": "cannot tell", "damping": "not needed", "driveline": "not needed"}
+    doc = {**document(), "evidence": {name: {"verdict": verdict} for name, verdict in told.items()}}
+    assert "effects   chamber; cannot tell: friction; not needed: damping, driveline\n" in run_table(doc)
+    told = {"friction": "cannot tell", "damping": "cannot tell", "friction_or_damping": "needed"}
+    evidence = {name: {"verdict": verdict} for name, verdict in told.items()}
+    both = {**document(), "effects": ["friction_or_damping"], "evidence": evidence}
+    assert "effects   friction or damping\n" in run_table(both)
 
 
 def test_work_without_an_input_has_no_shares() -> None:

@@ -56,10 +56,10 @@ def test_an_explained_run_says_gap_cause_and_how_sure() -> None:
     assert "above the rigid model" in parts["The gap"]
     assert "The data need chamber and driveline." in parts["What closes it"]
     assert (
-        "They cannot tell whether they need friction; values given for it assume that it acts."
+        "They cannot tell whether they need friction; values given there assume that it acts."
         in parts["What closes it"]
     )
-    assert "do not need spring; values given for it are those of sheet" in parts["What closes it"]
+    assert "do not need spring; values given there rest on sheet" in parts["What closes it"]
     assert (
         "Stretches of 20 deg, left out of a fit in turn, are predicted with a median error of 0.2 % of the "
         "peak, the worst (80 to 100 deg) with 0.7 %." in parts["How sure"]

@@ -346,9 +346,7 @@ def test_the_answer_names_what_is_not_explained_what_was_refused_and_what_drifts
     parts = {part["head"]: part["text"] for part in campaign_answer(doc)}
     assert "lies 8 to 26 % above the rigid model" in parts["The gap"]
     assert "Of 2 shared parameters 1 are measured" in parts["How sure"]
-    said = (
-        "The data need friction. They cannot tell whether they need damping; values given for it assume that it acts."
-    )
+    said = "The data need friction. They cannot tell whether they need damping; values given there assume that it acts."
     assert parts["Losses, by all recordings together"] == said
     assert parts["What to do"].startswith("Not explained: B; open its report first. 1 refused")
     assert parts["What to do"].endswith("Coupling resonance drifts.")

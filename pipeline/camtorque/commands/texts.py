@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from camtorque.hashes import real_path
+from camtorque.records import APART, EITHER_LOSS
 from camtorque.report.answer import estimate_text, needs, work_parts, work_text
 from camtorque.report.numbers import named, plus_minus, typeset, words
 from camtorque.report.verdict import (
@@ -43,12 +44,22 @@ def run_table(doc: Mapping[str, Any]) -> str:
         )
     lines.append(f"{'measured (held-out)':22}{'':32}{row['return_min_measured_nm']:13.2f} N m")
     trigger, chamber = doc["alignment"]["trigger_angle_deg"], doc["chamber"]
-    lines += ["", f"effects   {', '.join(map(words, doc['effects'])) or 'none'}"]
+    lines += ["", f"effects   {_effects(doc)}"]
     lines.append(f"trigger   {estimate_text(doc, trigger, 'deg')}, nominal {trigger['nominal']:.2f}")
     if chamber and chamber["peak_bar"]:
         lines.append(f"chamber   peak {estimate_text(doc, chamber['peak_bar'], 'bar')}")
     lines.append(f"work      {work_text(doc)}/rev = {_work(doc)}")
     return "\n".join([*lines, *loud_findings(doc["findings"])])
+
+
+def _effects(doc: Mapping[str, Any]) -> str:
+    """Return what the data need, and of what else they cannot tell, or do not need it."""
+    said = [", ".join(map(words, doc["effects"])) or "none"]
+    one_of_both = APART if EITHER_LOSS in doc["evidence"] else ()
+    for verdict in ("cannot tell", "not needed"):
+        rows = [name for name, row in doc["evidence"].items() if row["verdict"] == verdict and name not in one_of_both]
+        said += [f"{verdict}: {', '.join(map(words, rows))}"] if rows else []
+    return "; ".join(said)
 
 
 def _left_out(recording: Mapping[str, Any]) -> str:

@@ -76,8 +76,8 @@ STRETCHES = {"forward": "Forward stroke, measured − rigid", "return_minimum": 
 NAMED_CAUSES = 3
 SAID = (
     ("needed", "The data need", ""),
-    ("cannot tell", "They cannot tell whether they need", "; values given for it assume that it acts"),
-    ("not needed", "They do not need", "; values given for it are those of sheet and literature"),
+    ("cannot tell", "They cannot tell whether they need", "; values given there assume that it acts"),
+    ("not needed", "They do not need", "; values given there rest on sheet and literature"),
 )
 """Verdict on losses -> what the answer says before and after their names."""
 
