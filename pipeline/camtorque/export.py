@@ -193,6 +193,7 @@ def _row(document: Mapping[str, Any]) -> dict[str, Any]:
     row: dict[str, Any] = {
         "recording": safe_text(recording["name"]),
         "explained": explained,
+        "verdict": document.get("verdict", {}).get("head"),
         "pump": safe_text(recording.get("pump") or ""),
         **{name: recording.get(name) for name in AXES},
         "cycles_used": recording["cycles_used"],

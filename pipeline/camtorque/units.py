@@ -69,14 +69,16 @@ UNIT_OFFSETS: dict[str, float] = {"degC": ZERO_CELSIUS, "degF": 459.67 * 5.0 / 9
 
 SPELLINGS: dict[str, str] = {spelling: unit for unit, spellings in {
     "degC": ("°C", "deg C", "Celsius"), "degF": ("°F",), "rpm": ("1/min", "min-1", "U/min", "r/min"),
-    "mm3": ("mm^3", "mm³"), "cm3": ("cm^3", "cm³", "cc"), "m3": ("m³",),
-    "lbf ft": ("ft lb", "lb ft", "ft-lb", "lb-ft", "ft-lbs", "ft lbs", "ft-lbf", "lbf.ft", "lbf*ft", "ft lbf"),
-    "lbf in": ("in lb", "in-lb", "lb-in", "in-lbs", "in lbs", "in-lbf", "lbf.in", "lbf*in", "in lbf"),
+    "mm3": ("mm^3", "mm³", "mm3/stroke", "mm³/stroke", "mm^3/stroke"), "cm3": ("cm^3", "cm³", "cc"), "m3": ("m³",),
+    "lbf ft": ("ft lb", "lb ft", "ft-lb", "lb-ft", "ft-lbs", "ft lbs", "ft-lbf", "lbf.ft", "lbf*ft", "ft lbf",
+               "ft.lbf", "ft.lb", "lb.ft", "lbf-ft"),
+    "lbf in": ("in lb", "in-lb", "lb-in", "in-lbs", "in lbs", "in-lbf", "lbf.in", "lbf*in", "in lbf", "in.lbf",
+               "in.lb", "lb.in", "lbf-in"),
     "ozf in": ("in oz", "in-oz", "oz in", "oz-in", "ozf.in", "ozf*in"),
     "kgf/cm2": ("kgf/cm^2", "kgf/cm²", "kg/cm2", "kg/cm^2", "kg/cm²", "kp/cm2", "kp/cm²"),
     "kgf m": ("kgfm", "kgf.m", "kgf*m", "kp m", "kpm"), "kgf cm": ("kgfcm", "kgf.cm", "kgf*cm", "kp cm"),
     "N m": ("Nm", "NM", "N-m", "Newton-meter", "Newton-meters", "Newton meter", "Newton meters", "N*m", "N.m"),
-    "kN m": ("kNm",), "daN m": ("daNm",), "mN m": ("mNm",),
+    "kN m": ("kNm", "kN.m", "kN*m", "kN-m"), "daN m": ("daNm",), "mN m": ("mNm", "mN.m", "mN*m", "mN-m"),
     "N cm": ("Ncm",), "N mm": ("Nmm",), "N/mm2": ("N/mm^2", "N/mm²"), "V": ("Volt", "volt", "Volts", "volts", "VDC"),
     "s": ("S", "SEC", "sec", "second", "seconds", "Sec", "Second", "Seconds", "Sekunde", "Sekunden"),
     "ms": ("MS", "MSEC", "msec"), "us": ("usec",), "psi": ("PSI",),
@@ -91,6 +93,8 @@ ABSOLUTE = re.compile(r"^(?P<unit>[A-Za-z]+?)[ _]?\(?a(bs(olut(e)?)?)?\)?$", re.
 """bara, bar abs, psia, kPa(a): a pressure that counts from vacuum."""
 LOGARITHM = re.compile(r"ln\((.*)\)")
 """Unit of a parameter that acts by its logarithm; one of 1 is no unit."""
+CURRENTS, CURRENT_HINT = ("mA", "A", "uA"), ", a current: write 'V' and its sheet as if 1 mA were 1 V"
+"""Units of what a current loop gives; its sheet is linear in the current as another's in the voltage."""
 COUNTS = re.compile(r"^rev/(?P<number>[1-9]\d{0,6})$")
 """rev/1024: a counter with that many counts a revolution."""
 
@@ -157,6 +161,7 @@ def unit_factor(unit: str, dimension: str, where: str, *also: str) -> float:
     if tidy not in BORDER_UNITS:
         base = absolute_unit(tidy)
         hint = f', write {base!r} and reference = "absolute" in its [sensors] table' if base else ""
+        hint = CURRENT_HINT if tidy in CURRENTS else hint
         raise Refusal(
             f"{where}: unknown unit {unit!r}{hint or did_you_mean(tidy, known)}; a {expected} is "
             f"expected ({', '.join(known)}{', rev/1024 for a counter' if dimension == 'angle' else ''})"

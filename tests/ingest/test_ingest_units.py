@@ -58,6 +58,25 @@ def test_spellings_lead_to_known_units():
     assert {tidy_unit(spelling) for spelling in SPELLINGS} <= set(BORDER_UNITS)
 
 
+def test_a_current_is_no_pressure() -> None:
+    """'mA' was taken for a slip of 'MPa'."""
+    with pytest.raises(Refusal, match=r"unknown unit 'mA', a current: write 'V' and its sheet as if 1 mA were 1 V; a "):
+        unit_factor("mA", "pressure", "here")
+
+
+@pytest.mark.parametrize(
+    ("unit", "dimension", "like"),
+    [
+        ("lbf-in", "torque", "lbf in"),
+        ("ft.lbf", "torque", "lbf ft"),
+        ("mN.m", "torque", "mN m"),
+        ("mm³/stroke", "volume", "mm3"),
+    ],
+)
+def test_further_spellings_of_the_bench(unit: str, dimension: str, like: str) -> None:
+    assert unit_factor(unit, dimension, "") == unit_factor(like, dimension, "")
+
+
 @given(st.text(max_size=12))
 def test_no_text_breaks_the_table(text: str):
     if not is_known_unit(text):
