@@ -286,17 +286,37 @@ def test_a_trigger_that_fell_silent_behind_a_jump_of_the_time_is_told(pause: flo
 
 def test_a_run_from_standstill_to_standstill_is_cut_at_both_ends_and_nothing_is_said_to_have_failed() -> None:
     """Its coast-down was told as a sensor that fell silent, its second turn as a clock that was reset."""
+    cycles = align(at_speeds([0.05, 0.25, 0.75, 0.95], [0.0, 1.0, 1.0, 0.0]))
+    assert not {"trigger_silent", "clock_jump", "several_speeds"} & codes(cycles)
+    assert 12 <= len(cycles.index) < cycles.cycles_found
+
+
+def at_speeds(places: list[float], speeds: list[float]) -> Recording:
+    """Return a recording whose shaft turns at a part of its speed, by straight lines over parts of the recording."""
     recording = make(RIG)
 
-    def run_up_and_down(channel: Channel) -> Channel:
-        turned = np.linspace(0.0, 1.0, channel.n_samples)
-        speed = np.interp(turned, [0.05, 0.25, 0.75, 0.95], [0.0, 1.0, 1.0, 0.0])
-        place = np.cumsum(speed)
-        return replace(channel, source=Samples(np.interp(place, np.arange(place.size), channel.source.values)))
+    def changed(channel: Channel) -> Channel:
+        turned = np.cumsum(np.interp(np.linspace(0.0, 1.0, channel.n_samples), places, speeds))
+        return replace(channel, source=Samples(np.interp(turned, np.arange(turned.size), channel.source.values)))
 
-    cycles = align(replace(recording, channels=tuple(map(run_up_and_down, recording.channels))))
-    assert not {"trigger_silent", "clock_jump"} & codes(cycles)
-    assert 12 <= len(cycles.index) < cycles.cycles_found
+    return replace(recording, channels=tuple(map(changed, recording.channels)))
+
+
+@pytest.mark.parametrize(
+    ("places", "speeds", "used", "told"),
+    [
+        ([0.0, 0.5, 0.55, 0.7, 0.75, 1.0], [1.0, 1.0, 0.85, 0.85, 0.7, 0.7], 500.0, r"500 rpm .*, 350 rpm"),
+        ([0.3, 0.35], [0.8, 1.0], 500.0, r"500 rpm \(2\d turns\), 400 rpm \(\d turns\); this report is of the first"),
+        ([0.0, 1.0], [0.95, 1.0], None, ""),
+    ],
+)
+def test_several_steady_speeds_are_told_and_the_longest_is_reported(places, speeds, used, told: str) -> None:
+    """Of 52 turns at 1250, 35 at 1000 and 32 at 750 rpm the median was reported, and a wrong nominal speed told."""
+    cycles = align(at_speeds(places, speeds))
+    found = [row.text for row in cycles.findings if row.code == "several_speeds"]
+    assert len(found) == bool(told)
+    assert all(re.search(told, text) for text in found)
+    assert used is None or np.median(cycles.speed) * 60.0 / (2.0 * np.pi) == pytest.approx(used, rel=0.01)
 
 
 def with_pressure(largest: float, saturates: bool, change: Callable[[Array], Array] = lambda volts: volts) -> Recording:

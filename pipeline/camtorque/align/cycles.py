@@ -30,6 +30,7 @@ from camtorque.align.quality import (
     flat_top_findings,
     no_mean_findings,
     refuse_jitter,
+    several_speeds,
 )
 from camtorque.align.summary import alignment_details
 from camtorque.align.timebase import TimeBase, by_few_teeth, settled_phase, silence_findings, time_base
@@ -96,7 +97,7 @@ def align(recording: Recording, options: AlignOptions | None = None) -> CamCycle
     lags = settle_lags(table, begins, base.edge_noise)
     table = replace(table, slipped=lags.slipped)
     used, cut_flow = apply_cuts(table)
-    running = (*lags.findings, *changed_running(table, begins))
+    running = (*lags.findings, *changed_running(table, begins), *several_speeds(table))
     refuse_jitter(table, recording.config.id)
     if not used.any():
         raise _none_used(recording, int(complete.sum()), cut_flow)

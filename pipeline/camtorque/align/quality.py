@@ -15,7 +15,7 @@ from camtorque.align.options import AlignOptions
 from camtorque.records import Array, CutFlowRow, Finding, Integers, Mask, Refusal
 from camtorque.signal.threshold import Count, Threshold
 from camtorque.stacks import distance_of
-from camtorque.units import short
+from camtorque.units import RPM, short
 
 SAMPLED_CYCLES = 41
 """The robust mean cycle is taken over at most this many cycles, spread evenly."""
@@ -137,8 +137,22 @@ def _start_stop(table: CycleTable) -> Mask:
 
 def _speed_outlier(table: CycleTable) -> Mask:
     steady = table.complete & ~_start_stop(table)
-    usual = np.median(table.speed[steady]) if steady.any() else np.median(table.speed)
+    usual = usual_speed(table.speed[steady] if steady.any() else table.speed, table.options.steady_band)
     return np.abs(table.speed / usual - 1.0) > table.options.steady_band
+
+
+def usual_speed(speeds: Array, band: float) -> float:
+    """Return the speed about which most of some speeds (n,) lie, within a relative band to either side [rad/s].
+
+    Of a recording that holds several steady speeds the median may be a rare one.
+    """
+    ordered = np.sort(speeds)
+    within = np.searchsorted(ordered, ordered * (1.0 + band), "right") - np.searchsorted(
+        ordered, ordered * (1.0 - band)
+    )
+    most = np.flatnonzero(within == within.max())
+    centre = ordered[most[np.argmin(np.abs(most - 0.5 * ordered.size))]]
+    return float(np.median(ordered[np.abs(ordered / centre - 1.0) <= band]))
 
 
 def _misfire(table: CycleTable) -> Mask:
@@ -224,6 +238,28 @@ def changed_running(table: CycleTable, time: Array) -> tuple[Finding, ...]:
         )
         return (Finding("running_alternates", "warning", text, "cut-flow"),)
     return ()
+
+
+def several_speeds(table: CycleTable) -> tuple[Finding, ...]:
+    """Tell a recording that holds more than one steady speed: the report is of one."""
+    left, band = table.speed[table.complete & ~_start_stop(table)], table.options.steady_band
+    found = list[tuple[float, int]]()
+    while left.size >= STRETCH:
+        speed = usual_speed(left, band)
+        near = np.abs(left / speed - 1.0) <= band
+        turns = int(np.count_nonzero(near))
+        # a speed that drifts goes from one end of its band to the other, and on into the next band
+        if turns >= STRETCH and np.ptp(left[near]) < band * speed:
+            found.append((speed, turns))
+        left = left[~near]
+    if len(found) < 2:
+        return ()
+    listed = ", ".join(f"{short(speed / RPM, 4)} rpm ({turns} turns)" for speed, turns in found)
+    text = (
+        f"the recording holds several steady speeds: {listed}; this report is of the first; cut the logs so that a "
+        "recording has one speed, and let a campaign take them together"
+    )
+    return (Finding("several_speeds", "warning", text, "cut-flow"),)
 
 
 def apply_cuts(table: CycleTable) -> tuple[Mask, tuple[CutFlowRow, ...]]:

@@ -291,7 +291,8 @@ def _without_mark(spec: TriggerSpec, where: str) -> Refusal:
     return Refusal(
         f"{where}: a wheel of {spec.pulses_per_rev} pulses per revolution without a mark does not tell which tooth "
         "is at nominal_angle_deg; expected missing_teeth or double_tooth in [trigger], or a channel with "
-        'quantity = "index"'
+        'quantity = "index"; where all lobes are alike and have a pulse each, pulses_per_rev = 1 and '
+        "revolutions_per_cycle = number of lobes take any of them"
     )
 
 
