@@ -187,6 +187,22 @@ def test_no_trigger_is_refused(tmp_path: Path):
         load_recording_config(write(tmp_path, text))
 
 
+def test_a_key_that_is_missed_is_listed_beside_one_that_is_not_known(tmp_path: Path):
+    """Three of six faults were listed; the slips of a key came after the others had been put right."""
+    text = TEXT.replace("nominal_angle_deg", "nominal_angel_deg")
+    with pytest.raises(Refusal) as refused:
+        load_recording_config(write(tmp_path, text))
+    told = "\n".join(refused.value.problems)
+    assert "nominal_angle_deg" in told
+    assert "key 'nominal_angel_deg' is not known and not used, did you mean 'nominal_angle_deg'?" in told
+
+
+@pytest.mark.parametrize("malformed", ["trigger = 3", 'pump = "x"', "sensors = [1]", "channels = 5", "loggers = [2]"])
+def test_tables_that_are_none_are_refused_as_that(tmp_path: Path, malformed: str):
+    with pytest.raises(Refusal):
+        load_recording_config(write(tmp_path, f"{malformed}\n{TEXT}".replace(f"[{malformed.split()[0]}]", "[other]")))
+
+
 def test_a_log_is_no_recording(tmp_path: Path):
     """'has 4868553 bytes, a TOML file of a bench has at most 524288', where `run log.csv` was typed."""
     log = tmp_path / "log.csv"

@@ -56,7 +56,7 @@ def load_recording_config(path: Path) -> RecordingConfig:
     single = {name: _one(root, name, problems) for name in ("recording", "pump", "trigger", "fluid", "drive")}
     channels, sensors = _channels(root, problems), _sensors(root, problems)
     loggers = _loggers(root, any(table.get("logger") for table in channels), problems)
-    problems.raise_any()
+    _refuse_any(problems, root)
     left_out = [table for table in channels if not table.pop("used")]
     channels = [table for table in channels if table not in left_out]
     recording = single["recording"]
@@ -69,7 +69,7 @@ def load_recording_config(path: Path) -> RecordingConfig:
     for table in channels:
         with problems.collecting():
             specs.append(_channel(table, loggers, duration))
-    problems.raise_any()
+    _refuse_any(problems, root)
     config = RecordingConfig(
         path=file,
         text=text,
@@ -85,6 +85,13 @@ def load_recording_config(path: Path) -> RecordingConfig:
     )
     _check_roles(config)
     return replace(config, findings=(*config.findings, *_one_file_two_clocks(config), *place_findings(config)))
+
+
+def _refuse_any(problems: Problems, root: Table) -> None:
+    """Refuse where anything was noted, and say which keys are not known: a key that is missed may be one of them."""
+    if problems.texts:
+        problems.texts += [f"{row.where}: {row.text}" for row in _unknown_keys(root.values, root.file)]
+    problems.raise_any()
 
 
 def _near(path: Path) -> str:
@@ -319,18 +326,21 @@ def _repeated(names: list[str], where: str) -> list[str]:
 def _unknown_keys(values: Mapping[str, Any], file: Path) -> list[Finding]:
     found = unknown_keys(values, ("schema", *RECORDING_TABLES), file.name)
     for name, schema in RECORDING_TABLES.items():
-        tables = _tables_of(values.get(name, {}), name, schema)
-        for header, table in tables.items():
-            found += unknown_keys(table, schema.names, f"{file.name} {header}")
+        for header, table in _tables_of(values.get(name, {}), name, schema).items():
+            found += unknown_keys(table, schema.names, f"{file.name} {header}") if isinstance(table, dict) else []
     return found
 
 
-def _tables_of(value: Any, name: str, schema: TableSchema) -> dict[str, Mapping[str, Any]]:
+def _tables_of(value: Any, name: str, schema: TableSchema) -> dict[str, Any]:
+    """Return the tables of a name by header; what is no table, or no list of them, is refused where it is read."""
     if schema.many:
-        return {f"[[{name}]] no. {number}": table for number, table in enumerate(value or (), start=1)}
-    if name == "sensors":
-        return {f"[sensors.{quantity}]": table for quantity, table in value.items()}
-    return {f"[{name}]": value}
+        tables = value if isinstance(value, list) else []
+        return {f"[[{name}]] no. {number}": table for number, table in enumerate(tables, start=1)}
+    if not isinstance(value, dict):
+        return {}
+    return {f"[sensors.{quantity}]": table for quantity, table in value.items()} if name == "sensors" else {
+        f"[{name}]": value
+    }  # fmt: skip
 
 
 def unknown_keys(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> list[Finding]:
