@@ -336,11 +336,9 @@ def _tables_of(value: Any, name: str, schema: TableSchema) -> dict[str, Any]:
     if schema.many:
         tables = value if isinstance(value, list) else []
         return {f"[[{name}]] no. {number}": table for number, table in enumerate(tables, start=1)}
-    if not isinstance(value, dict):
-        return {}
-    return {f"[sensors.{quantity}]": table for quantity, table in value.items()} if name == "sensors" else {
-        f"[{name}]": value
-    }  # fmt: skip
+    if name == "sensors" and isinstance(value, dict):
+        return {f"[sensors.{quantity}]": table for quantity, table in value.items()}
+    return {f"[{name}]": value}
 
 
 def unknown_keys(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> list[Finding]:
