@@ -12,17 +12,18 @@ from camtorque.fit.descent import Effort
 from camtorque.fit.evidence import (
     LOSSES,
     NEEDED,
+    PROBABLE,
     SURELY_NOT,
     Weighed,
     evidence_of,
     laplace,
     loss_evidence,
+    present,
     prior_of,
-    savage_dickey,
     where_unexplained,
 )
 from camtorque.fit.kinds import chamber_evidence, structure_probabilities
-from camtorque.fit.prepare import mean_cycles
+from camtorque.fit.presence import savage_dickey
 from camtorque.fit.problem import build_problem
 from camtorque.fit.residual import explains
 from camtorque.fit.single import switching_shift, switching_std
@@ -101,9 +102,8 @@ def scenes():
     for family in ("closed_volume", "chamber_only"):
         key = (family, 0, 1000.0)
         found = quick(key)
-        means = mean_cycles(bridged(key)[1])
         cov = covariance(found.problem, found.solution)
-        result[family] = {row.name: row for row in loss_evidence(found.problem, found.solution, cov, means.odd_even)}
+        result[family] = {row.name: row for row in loss_evidence(found.problem, found.solution, cov)}
     return result
 
 
@@ -130,24 +130,22 @@ def test_losses_that_are_not_there_are_not_claimed(scenes):
     assert "not needed" in verdicts
 
 
-@pytest.mark.parametrize(("loss", "limit"), [("friction", "SMALL_TORQUE"), ("driveline", "SMALL_ANGLE")])
-def test_what_is_surely_not_there_may_be_twice_as_large(scenes, monkeypatch, loss, limit):
-    key = ("chamber_only", 0, 1000.0)
-    found, odd_even = quick(key), mean_cycles(bridged(key)[1]).odd_even
-    row = scenes["chamber_only"][loss]
+def test_what_is_surely_not_there_may_twist_twice_as_far(scenes, monkeypatch):
+    found = quick(("chamber_only", 0, 1000.0))
+    row = scenes["chamber_only"]["driveline"]
     assert row.two_ln_bayes_factor < SURELY_NOT
-    largest = row.size_ci95[1] / odd_even if loss == "friction" else np.radians(row.size_ci95[1])
+    largest = np.radians(row.size_ci95[1])
 
     def verdict() -> str:
-        rows = loss_evidence(found.problem, found.solution, covariance(found.problem, found.solution), odd_even)
-        return next(item.verdict for item in rows if item.name == loss)
+        rows = loss_evidence(found.problem, found.solution, covariance(found.problem, found.solution))
+        return next(item.verdict for item in rows if item.name == "driveline")
 
-    monkeypatch.setattr(evidence, limit, 0.6 * largest)
+    monkeypatch.setattr(evidence, "SMALL_ANGLE", 0.6 * largest)
     assert verdict() == "not needed"
     monkeypatch.setattr(evidence, "SURELY_NOT", -1000.0)
     assert verdict() == "cannot tell"
     monkeypatch.undo()
-    monkeypatch.setattr(evidence, limit, 0.4 * largest)
+    monkeypatch.setattr(evidence, "SMALL_ANGLE", 0.4 * largest)
     assert verdict() == "cannot tell"
 
 
@@ -155,15 +153,14 @@ def test_a_constant_torque_is_friction_or_damping_and_nobody_knows_which(scenes)
     assert EITHER_LOSS not in scenes["chamber_only"], "nothing is told of losses that are not there"
     key = ("chamber_only", 0, 1000.0)
     found = quick(key)
-    data = [replace(item, torque=item.torque + 1.0) for item in found.problem.data]
+    data = [replace(item, torque=item.torque + 0.2) for item in found.problem.data]
     problem = build_problem(data)
     solution = solve(problem, found.solution.z, Effort(25), found.solution.lift)
-    odd_even = mean_cycles(bridged(key)[1]).odd_even
-    rows = {row.name: row for row in loss_evidence(problem, solution, covariance(problem, solution), odd_even)}
+    rows = {row.name: row for row in loss_evidence(problem, solution, covariance(problem, solution))}
     assert {rows["friction"].verdict, rows["damping"].verdict} == {"cannot tell"}
     assert rows[EITHER_LOSS].verdict == "needed"
-    assert rows[EITHER_LOSS].two_ln_bayes_factor > NEEDED
-    assert rows[EITHER_LOSS].size == pytest.approx(1.0, abs=0.1)
+    assert rows[EITHER_LOSS].two_ln_bayes_factor > PROBABLE
+    assert rows[EITHER_LOSS].size == pytest.approx(0.2, abs=0.02)
     assert rows[EITHER_LOSS].text.startswith("the data need friction or damping (")
 
 
@@ -256,47 +253,56 @@ def test_what_the_switch_may_be_late_is_in_the_trigger_angle_alone():
     assert switching_std(replace(cycles, angle_errors=())) == 0.0
 
 
-@pytest.mark.parametrize(("viscous", "verdict"), [(0.0, "not needed"), (11.0, "cannot tell"), (25.0, "needed")])
+@pytest.mark.parametrize(("viscous", "verdict"), [(0.0, "not needed"), (6.0, "cannot tell"), (11.0, "needed")])
 def test_damping_is_needed_where_one_part_of_it_is(viscous, verdict):
     """A plunger's film has a shape of its own, which does not get lost beside a constant that nobody knows."""
     key = ("chamber_only", 0, 1000.0)
-    found, odd_even = quick(key), mean_cycles(bridged(key)[1]).odd_even
+    found = quick(key)
     added = viscous * derivative_by(found.solution.output, ["plunger_viscous"])[:, 0]
     problem = build_problem([replace(item, torque=item.torque + added) for item in found.problem.data])
     solution = solve(problem, found.solution.z, Effort(25), found.solution.lift)
-    rows = loss_evidence(problem, solution, covariance(problem, solution), odd_even)
+    rows = loss_evidence(problem, solution, covariance(problem, solution))
     row = next(row for row in rows if row.name == "damping")
     assert row.verdict == verdict
-    assert (row.two_ln_bayes_factor > NEEDED) == (verdict == "needed")
-    assert verdict == "needed" or "viscous drag of plunger and follower" not in row.text
-    assert EITHER_LOSS not in {row.name for row in rows}
+    assert (row.two_ln_bayes_factor > PROBABLE) == (verdict == "needed")
 
 
-def one_part_needed() -> Weighed:
-    """Return a foot's friction of which the crown's part is known to be there, and the bearing's not to be."""
-    crown = replace(laws.ROWS["pin_arm"], meaning="friction coefficient times radius of the foot's crown")
-    rows = (laws.ROWS["bearing_arm"], crown)
-    usual = np.array([1e-4, 1e-4])
-    box = np.full(2, -1.0), np.full(2, 1.0)
-    known = Gaussian(np.array([0.0, 5e-5]), np.diag((usual * [1e-4, 0.1]) ** 2), *box)
-    before = Gaussian(np.zeros(2), np.diag(usual**2), *box)
-    return Weighed(rows, known.mean, known, before, dict.fromkeys(("friction", EITHER_LOSS), np.eye(2)), 1.0)
+def torque_losses(values: tuple[float, float, float], known: float = 0.1) -> Weighed:
+    """Return two parts of friction and one of damping, independent of one another, in units of their priors."""
+    names = ("bearing_arm", "pin_arm", "plunger_viscous")
+    rows, box = tuple(laws.ROWS[name] for name in names), (np.full(3, -100.0), np.full(3, 100.0))
+    posterior = Gaussian(np.array(values), known**2 * np.eye(3), *box)
+    moves = {"friction": np.eye(2), "damping": np.eye(1), EITHER_LOSS: np.eye(3)}
+    return Weighed(rows, posterior.mean, posterior, Gaussian(np.zeros(3), np.eye(3), *box), moves, 1.0)
 
 
-def test_a_foot_that_slides_is_not_said_to_have_a_pin():
-    """The part of friction that the data need is named as the rows of this bench name it."""
-    (row,) = evidence_of(one_part_needed(), ["friction"])
-    assert row.verdict == "needed"
-    assert "radius of the foot's crown, whatever the rest of it is" in row.text
+def test_presence_is_the_mean_over_sets_of_parts():
+    """Independent parts: a set's weight is the product of those of its parts."""
+    values, known = (0.3, 0.0, -0.2), 0.1
+    first, second, damped = (np.exp(0.5 * (value / known) ** 2) * known for value in values)  # each against none of it
+    friction = 0.5 * (0.5 * (first + second)) + 0.5 * first * second
+    found = present(torque_losses(values, known))
+    assert found["friction"] == pytest.approx(2.0 * np.log(friction))
+    assert found["damping"] == pytest.approx(2.0 * np.log(damped))
+    assert found[EITHER_LOSS] == pytest.approx(2.0 * np.log((friction + damped + friction * damped) / 3.0))
 
 
-@pytest.mark.parametrize(("refit", "verdict"), [(np.nan, "needed"), (3.0, "cannot tell"), (20.0, "needed")])
-def test_a_part_without_which_the_model_overflows_is_needed(refit, verdict):
-    """As a whole loss is: without it the model is far from the data, which was taken for not knowing."""
-    rows = evidence_of(one_part_needed(), ["friction"], lambda left_out: [refit] * len(left_out))
-    row = next(row for row in rows if row.name == "friction")
-    assert row.verdict == verdict
-    assert row.confirmed_by_refit == (not np.isnan(refit))
+@pytest.mark.parametrize(("values", "verdicts"), [
+    ((0.0, 0.5, 0.0), ("needed", "not needed")), ((0.0, 0.0, 0.5), ("not needed", "needed")),
+    ((0.0, 0.0, 0.25), ("not needed", "cannot tell")), ((0.0, 0.0, 0.0), ("not needed", "not needed")),
+])  # fmt: skip
+def test_a_torque_loss_is_needed_where_one_part_of_it_is(values, verdicts):
+    rows = {row.name: row for row in evidence_of(torque_losses(values, 0.09), ("friction", "damping"))}
+    assert (rows["friction"].verdict, rows["damping"].verdict) == verdicts
+
+
+@pytest.mark.parametrize(("added", "verdict"), [(np.nan, "not needed"), (-5.0, "not needed"), (6.0, "cannot tell")])
+def test_a_refit_that_misses_a_loss_keeps_it_from_being_needless(added, verdict):
+    fit = torque_losses((0.0, 0.0, 0.0), 0.05)
+    apart = [fit.factor(fit.members(loss)) + added for loss in ("friction", "damping")]
+    rows = evidence_of(fit, ("friction", "damping"), lambda left_out: apart)
+    assert [row.verdict for row in rows] == [verdict, verdict]
+    assert [row.confirmed_by_refit for row in rows] == [not np.isnan(added)] * 2
 
 
 @pytest.mark.parametrize(("refit", "verdict"), [(np.nan, "cannot tell"), (-25.0, "not needed"), (-3.0, "cannot tell")])

@@ -853,7 +853,7 @@ def test_several_speeds_tell_damping_from_other_losses(prepared, solved, kept, n
         items.append(replace(one, torque=one.torque - (1.0 - kept) * columns @ list(losses.values())))
     moved = build_problem(items)
     fit = joint_fit_of(prepared, moved, solve_many(moved, moved.start, 25))
-    rows = {row.name: row for row in joint_evidence(fit, np.full(len(prepared), 0.03), True)}
+    rows = {row.name: row for row in joint_evidence(fit, True)}
     assert rows["friction"].verdict == "needed"
     assert (rows["damping"].verdict == "needed") == needed, rows["damping"]
 
@@ -869,7 +869,7 @@ def test_evidence_of_many_recordings_holds_the_chain_of_one_at_a_time(joint, mon
         return output, columns
 
     monkeypatch.setattr(joint_fit_room, "with_slopes", watched)
-    joint_evidence(joint, np.full(len(SPEEDS), 0.03), True)
+    joint_evidence(joint, True)
     assert len(alive) == len(SPEEDS)
     assert max(alive) <= 1
 
@@ -878,7 +878,7 @@ def test_evidence_of_many_recordings_takes_no_matrix_of_all_their_parameters(joi
     """A thousand recordings have four thousand parameters of their own, whose square fills 130 MB."""
     made, whole = [], np.diag
     monkeypatch.setattr(np, "diag", lambda values: made.append(np.shape(values)) or whole(values))
-    joint_evidence(joint, np.full(len(SPEEDS), 0.03), True)
+    joint_evidence(joint, True)
     n_shared = joint.covariance.arrow.shared.size
     assert joint.problem.size > n_shared
     assert max(shape for shape in made if len(shape) == 1) == (n_shared,)

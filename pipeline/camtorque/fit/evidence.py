@@ -9,10 +9,12 @@ and a fit without the loss gives it by Laplace's approximation,
 ``-2 ln Z = chi^2 - g'Cg + ln det H - ln det P^-1 - 2 ln Pr(box) + 2 ln Pr_prior(box)``,
 where g is the slope left at a minimum against the bounds and g'Cg what these cost, which Pr(box) holds already.
 
-*Needed*: 2 ln K above `NEEDED`. *Not needed*: both below `NOT_NEEDED` and the loss
-small whatever the data allow, against the scatter of the cycles and against the torque itself (a small K alone is not
-absence); it may be twice as large where both are below `SURELY_NOT`. Else the data cannot tell. A loss is needed where
-one part of it is, however little is known of the others (an unknown constant takes 4 to 7 from all of damping).
+Friction and damping have parts of which any may be there: K is then the ratio of the means over all sets of parts
+with and without the loss, each set by its ratio against all parts. *Needed*: K above `PROBABLE`, and all parts as one
+not below `NOT_NEEDED`. *Not needed*: K below its inverse, or below the root of that where all parts as one are below
+`NOT_NEEDED`, both with what a refit adds, and the loss small against the mean torque whatever the data allow (a small
+K alone is not absence). Else the data cannot tell, or that one of both is there and not which. A driveline is one
+thing: *needed* by `NEEDED`, *not needed* by `NOT_NEEDED` and a small twist, twice as large by `SURELY_NOT`.
 Friction is sized by what varies over the revolution: no bearing, pin, or guide has a constant alone, and how much of
 that is drag, how much the transducer's zero, hardly any recording can tell.
 Sources: Dickey, Ann. Math. Statist. 42 (1971); Kass & Raftery, JASA 90 (1995).
@@ -30,6 +32,7 @@ import numpy as np
 from camtorque import laws
 from camtorque.fit.descent import Effort, free_at
 from camtorque.fit.minima import attempted
+from camtorque.fit.presence import presence, savage_dickey
 from camtorque.fit.problem import Indices, Problem, build_problem
 from camtorque.fit.solver import Solution, solve
 from camtorque.fit.truncated import Gaussian, log_share_below
@@ -43,8 +46,10 @@ NEEDED, NOT_NEEDED = 6.0, -10.0
 """Limits of 2 ln K (Kass & Raftery: 6 is strong, 10 very strong evidence; absence rests on widths of priors alone)."""
 SURELY_NOT = -20.0
 """Limit of 2 ln K that stays below `NOT_NEEDED` if the priors of all that belongs to a loss were half as wide."""
-SMALL_TORQUE, SMALL_SHARE = 10.0, 0.15
-"""A loss is small below this many times odd against even cycles (rms), and below this share of the mean torque."""
+PROBABLE = 4.0
+"""2 ln K from which a torque loss is said to be there, and minus which not: seven to one where both are as likely."""
+SMALL_SHARE = 0.15
+"""A torque loss is small below this share of the mean torque (rms)."""
 LEAST_FACTOR = -100.0
 """2 ln K below which the Gaussian lies far outside the bounds and tells nothing: Occam's share is -10 to -50."""
 SMALL_ANGLE = np.radians(0.15)
@@ -68,23 +73,6 @@ speed."""
 
 Refits = Callable[[Sequence[tuple[str, ...]]], list[float]]
 """2 ln K for sets of parameters, each by a fit without them."""
-
-
-def savage_dickey(posterior: Gaussian, prior: Gaussian, chosen: Array) -> float:
-    """Return 2 ln K for parameters (indices ``chosen``) against zero."""
-    return _ratio(posterior, chosen) - _ratio(prior, chosen)
-
-
-def _ratio(whole: Gaussian, chosen: Array) -> float:
-    mean, matrix = whole.mean, whole.matrix
-    rest = np.setdiff1d(np.arange(mean.size), chosen)
-    block = matrix[np.ix_(chosen, chosen)]
-    solved = np.linalg.solve(block, mean[chosen])
-    quadratic = float(mean[chosen] @ solved) + float(np.linalg.slogdet(block)[1])
-    gain = np.linalg.solve(block, matrix[np.ix_(chosen, rest)])
-    conditional = matrix[np.ix_(rest, rest)] - matrix[np.ix_(rest, chosen)] @ gain
-    given = Gaussian(mean[rest] - gain.T @ mean[chosen], conditional, whole.lower[rest], whole.upper[rest])
-    return quadratic + 2.0 * (whole.within.log_probability - given.within.log_probability)
 
 
 def prior_of(problem: Problem, std: Array, chosen: Indices | None = None) -> Gaussian:
@@ -168,14 +156,9 @@ def moves_of(output: ChainOutput, names: Sequence[str], losses: Sequence[str]) -
     return {loss: np.asarray(each.T @ each / len(each)) for loss, each in columns.items()}
 
 
-def small_torque(odd_even: float, mean: float) -> float:
-    """Return the rms torque below which a loss is small, by the cycles' scatter and the mean torque [N m]."""
-    return min(SMALL_TORQUE * odd_even, SMALL_SHARE * abs(mean))
-
-
-def loss_evidence(problem: Problem, solution: Solution, cov: Covariance, odd_even: float) -> tuple[LossEvidence, ...]:
+def loss_evidence(problem: Problem, solution: Solution, cov: Covariance) -> tuple[LossEvidence, ...]:
     """Return the evidence for every loss of one recording's fit, the chamber's aside, and for two together."""
-    small = small_torque(odd_even, float(np.mean(problem.data[0].torque)))
+    small = SMALL_SHARE * abs(float(np.mean(problem.data[0].torque)))
     posterior = posterior_at(problem, solution, cov.matrix, cov.inflation)
     prior = prior_of(problem, cov.prior_std)
     moves = moves_of(solution.output, problem.names, tuple(MEMBERS))
@@ -196,22 +179,28 @@ def evidence_of(fit: Weighed, losses: Sequence[str], refitted: Refits | None = N
     ----------
     refitted : 2 ln K for sets of parameters by fits without them; None of a fit whose Gaussian is good enough
     """
-
-    def weighed(names: Sequence[str]) -> list[LossEvidence]:
-        quickly = {name: fit.factor(fit.members(name)) for name in names}
-        close = [name for name, quick in quickly.items() if quick < REFIT_BELOW or name == "driveline"]
-        refits = dict(zip(close, refitted([MEMBERS[name] for name in close]), strict=True)) if refitted else {}
-        return [_judged(fit, name, quick, refits.get(name, np.nan)) for name, quick in quickly.items()]
-
-    found = [_from_zero(_by_part(fit, row, refitted)) for row in weighed(losses)]
+    torque_losses = present(fit) if set(APART) <= set(losses) else {}
+    quickly = {name: fit.factor(fit.members(name)) for name in losses}
+    close = [name for name, quick in quickly.items() if quick < REFIT_BELOW or name == "driveline"]
+    refits = dict(zip(close, refitted([MEMBERS[name] for name in close]), strict=True)) if refitted else {}
+    found = []
+    for name, quick in quickly.items():
+        refit = refits.get(name, np.nan)
+        if name in torque_losses:
+            found.append(_torque_loss(fit, name, torque_losses[name], (quick, refit)))
+        else:
+            found.append(_driveline(fit, name, quick, refit))
     apart = any(row.verdict == "needed" for row in found if row.name in APART)
-    together = [] if apart else [row for row in weighed([EITHER_LOSS]) if row.verdict == "needed"]
-    return (*(_one_of_both(row) if together else row for row in found), *together)
+    either = torque_losses.get(EITHER_LOSS)
+    together = None if apart or either is None else _torque_loss(fit, EITHER_LOSS, either)
+    if together is None or together.verdict != "needed":
+        return tuple(map(_from_zero, found))
+    return (*(_from_zero(_one_of_both(row)) for row in found), together)
 
 
 def _one_of_both(row: LossEvidence) -> LossEvidence:
-    """Return a loss of which nobody knows whether it or the other one is there: neither can be done without."""
-    if row.name not in APART or row.verdict != "not needed":
+    """Return a loss that may be the one of both which the data need: it is not needless by the lower limit."""
+    if row.name not in APART or row.verdict != "not needed" or row.two_ln_bayes_factor < -PROBABLE:
         return row
     text = (
         f"the data do not tell {row.name} from what they need in its place: at most {row.size_ci95[1]:.2g} N m rms here"
@@ -219,39 +208,45 @@ def _one_of_both(row: LossEvidence) -> LossEvidence:
     return replace(row, verdict="cannot tell", text=text)
 
 
-def _judged(fit: Weighed, name: str, quick: float, refit: float) -> LossEvidence:
-    """Return the verdict on a loss by its factors: without and with a refit, nan where none was made."""
+def present(fit: Weighed) -> dict[str, float]:
+    """Return 2 ln K for friction, damping, and either, whichever of their parts are there."""
+    groups = [fit.members(loss) for loss in APART]
+    places = fit.places([name for group in groups for name in group])
+    factors = presence(fit.posterior.of(places), fit.prior.of(places), len(groups[0]))
+    return dict(zip((*APART, EITHER_LOSS), factors, strict=True))
+
+
+def _torque_loss(fit: Weighed, name: str, factor: float, whole: tuple[float, float] = (np.nan, np.nan)) -> LossEvidence:
+    """Return the verdict on friction, damping or either; ``whole``: 2 ln K of all its parts, quickly and by a refit.
+
+    A part may stand in for what a law lacks elsewhere: where all parts as one say the contrary, the data cannot tell.
+    """
     size, interval, unit = _size(fit, name)
-    exact = name == "driveline" and not np.isnan(refit)
-    factor = refit if exact else quick
-    highest = factor if exact or np.isnan(refit) else max(quick, refit)
-    small = float(np.degrees(SMALL_ANGLE)) if unit == "deg" else fit.small
-    limit = 2.0 * small if highest < SURELY_NOT else small
+    quick, refit = whole
+    missed = float(np.fmax(refit - quick, 0.0))
+    limit = 0.5 * PROBABLE if quick + missed < NOT_NEEDED else PROBABLE
+    contradicted = (quick if np.isnan(refit) else refit) < NOT_NEEDED
     verdict = "cannot tell"
-    if factor > NEEDED:
+    if factor > PROBABLE and not contradicted:
         verdict = "needed"
-    elif LEAST_FACTOR < highest < NOT_NEEDED and interval[1] < limit:
+    elif factor + missed < -limit and interval[1] < fit.small:
         verdict = "not needed"
     text = _sentence(_in_words(name, fit.order), verdict, factor, size, interval, unit)
     return LossEvidence(name, factor, verdict, not np.isnan(refit), size, interval, unit, text)
 
 
-def _by_part(fit: Weighed, row: LossEvidence, refitted: Refits | None) -> LossEvidence:
-    """Return a torque loss as needed where one part of it is, whose factor pays for the choice among the parts."""
-    if row.name not in APART or row.verdict == "needed":
-        return row
-    members = fit.members(row.name)
-    factor, part = max(((fit.factor((name,)), name) for name in members), default=(-np.inf, ""))
-    if factor <= 0.0:
-        return row
-    refit = refitted([(part,)])[0] if refitted else np.nan
-    factor = (factor if np.isnan(refit) else refit) - 2.0 * math.log(len(members))
-    if not factor > NEEDED:
-        return row
-    size = f"({row.size:.2g} {row.unit} rms; {strength(factor)})"
-    meaning = fit.rows[fit.names.index(part)].meaning
-    text = f"the data need {row.name} {size}: {meaning}, whatever the rest of it is"
-    return replace(row, two_ln_bayes_factor=factor, verdict="needed", confirmed_by_refit=not np.isnan(refit), text=text)
+def _driveline(fit: Weighed, name: str, quick: float, refit: float) -> LossEvidence:
+    """Return the verdict on a driveline by its factors: without and with a refit, nan where none was made."""
+    size, interval, unit = _size(fit, name)
+    factor = quick if np.isnan(refit) else refit
+    limit = float(np.degrees(SMALL_ANGLE)) * (2.0 if factor < SURELY_NOT else 1.0)
+    verdict = "cannot tell"
+    if factor > NEEDED:
+        verdict = "needed"
+    elif LEAST_FACTOR < factor < NOT_NEEDED and interval[1] < limit:
+        verdict = "not needed"
+    text = _sentence(_in_words(name, fit.order), verdict, factor, size, interval, unit)
+    return LossEvidence(name, factor, verdict, not np.isnan(refit), size, interval, unit, text)
 
 
 def _from_zero(row: LossEvidence) -> LossEvidence:

@@ -233,11 +233,11 @@ def _fit_joint(known: Sequence[FittedAlone], read: Callable[[int], JointInput], 
     fit = joint_fit_of(used, problem, solution, drifts, each)
     others = left_out(fit)
 
-    def told(index: int) -> tuple[JointRecording, tuple[HeldOut, HeldOut], bool, float]:
+    def told(index: int) -> tuple[JointRecording, tuple[HeldOut, HeldOut], bool]:
         item = read(places[index])
-        return joint_recording(fit, index, item), *predicted(fit, others, index, item), item.means.odd_even
+        return joint_recording(fit, index, item), *predicted(fit, others, index, item)
 
-    fitted, without, settled, odd_even = zip(*each(told, range(len(used))), strict=True)
+    fitted, without, settled = zip(*each(told, range(len(used))), strict=True)
     held = tuple(row for both in without for row in both)
     shared = tuple(row for row in parameter_estimates(fit.recording(0)) if row.role == "shared")
     findings = (
@@ -258,7 +258,7 @@ def _fit_joint(known: Sequence[FittedAlone], read: Callable[[int], JointInput], 
         tuple(item.name for item in used), shared, fitted, problem.names, solution.z,
         fit.covariance.arrow, held, drifts, tuple(excluded), findings,
         residual_covariance(solution, fit.covariance), shared_lift_from(problem, others.lift),
-        joint_evidence(fit, np.array(odd_even), all(one.explained for one in fitted), each),
+        joint_evidence(fit, all(one.explained for one in fitted), each),
     )  # fmt: skip
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from camtorque.fit.arrow import Arrow, ArrowCovariance, arrow_inverse
 from camtorque.fit.derived import modelled, on_cycles
-from camtorque.fit.evidence import Weighed, evidence_of, moves_of, prior_of, small_torque, where_unexplained
+from camtorque.fit.evidence import SMALL_SHARE, Weighed, evidence_of, moves_of, prior_of, where_unexplained
 from camtorque.fit.fitted import FittedParameters
 from camtorque.fit.joint_input import JointInput
 from camtorque.fit.joint_solver import JointSolution, solve_many
@@ -161,7 +161,7 @@ def joint_recording(fit: JointFit, index: int, item: JointInput) -> JointRecordi
     return JointRecording(own, problem.data[index].structure, found, explained)
 
 
-def joint_evidence(fit: JointFit, odd_even: Array, explained: bool, each: Each = in_turn) -> tuple[LossEvidence, ...]:
+def joint_evidence(fit: JointFit, explained: bool, each: Each = in_turn) -> tuple[LossEvidence, ...]:
     """Return which of friction and damping a pump needs, by what all its recordings tell together.
 
     At one speed viscous drag of the shaft is a constant like any other; several tell it from the rest. All but the
@@ -169,15 +169,12 @@ def joint_evidence(fit: JointFit, odd_even: Array, explained: bool, each: Each =
 
     Parameters
     ----------
-    odd_even : (n,) scatter of each recording's cycles [N m]
     explained : whether the fit explains all recordings
     each : works at several of them side by side; it changes no number
     """
     problem, solution, cov = fit.problem, fit.solution, fit.covariance
     shared = cov.arrow.shared
-    small = small_torque(
-        float(np.sqrt(np.mean(odd_even**2))), float(np.mean([np.mean(item.torque) for item in problem.data]))
-    )
+    small = SMALL_SHARE * abs(float(np.mean([np.mean(item.torque) for item in problem.data])))
     # never of all parameters: their matrix grows with the square of the recordings
     before = prior_of(problem, cov.prior_std, shared)
     known = Gaussian(fit.unbounded_mean[shared], cov.arrow.matrix, before.lower, before.upper)

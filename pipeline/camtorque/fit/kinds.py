@@ -264,22 +264,20 @@ def _for_none(kind: Kind, usual: Candidate, cov: Covariance) -> float:
     return max(risen, 0.0)
 
 
-def weighed_losses(
-    best: Candidate, others: Mapping[str, OtherFit], cov: Covariance, odd_even: float
-) -> tuple[LossEvidence, ...]:
+def weighed_losses(best: Candidate, others: Mapping[str, OtherFit], cov: Covariance) -> tuple[LossEvidence, ...]:
     """Return the evidence for each loss; ``cov`` is the covariance of the best fit, ``others`` are by name in `KINDS`.
 
     What it leaves open is not needed where a fit without a part that not every pump has does not need it: unless the
     data surely need that part, they do not need what comes with it.
     """
-    found = loss_evidence(best.problem, best.solution, cov, odd_even)
+    found = loss_evidence(best.problem, best.solution, cov)
     usual = next((other.candidate for name, other in others.items()
                   if other.probability > UNSURE and KINDS[name].is_without(other.candidate)), None)  # fmt: skip
     left_open = any(row.verdict == "cannot tell" for row in found)
     if usual is None or not left_open or EITHER_LOSS in [row.name for row in found]:
         return found
     sure = narrowed(covariance(usual.problem, usual.solution), usual.solution)
-    rows = loss_evidence(usual.problem, usual.solution, sure, odd_even)
+    rows = loss_evidence(usual.problem, usual.solution, sure)
     absent = {row.name: row for row in rows if row.verdict == "not needed"}
     return tuple(absent.get(row.name, row) if row.verdict == "cannot tell" else row for row in found)
 

@@ -16,6 +16,7 @@ from camtorque.fit.derived import (
     on_cycles,
     sureness,
 )
+from camtorque.fit.evidence import where_unexplained
 from camtorque.fit.findings import (
     fit_findings,
     frictionless_findings,
@@ -110,11 +111,12 @@ def fitted_torque(
     residual = means.torque - fitted.torque
     peak = float(np.max(means.torque_all))
     explained = is_explained(residual, means.odd_even, peak)
+    evidence = fit.evidence if explained else where_unexplained(fit.evidence)
     left = 100.0 * float(np.sqrt(np.mean(residual**2))) / peak
     chamber = fitted.chamber_pressure if fitted.chain.uses_chamber else None
     delivered = delivered_volume(fit) if "delivered_volume" in cycles.channels else None
     return FittedTorque(
-        effects=("trigger", "sensor", *(row.name for row in fit.evidence if row.verdict == "needed")),
+        effects=("trigger", "sensor", *(row.name for row in evidence if row.verdict == "needed")),
         parameters=parameters, correlation=correlation_of(fit.deviation),
         correlation_names=fit.problem.names,
         torque=fitted.torque, torque_held_out=held.torque, by_cause=fitted.by_cause, chamber_pressure=chamber,
@@ -135,7 +137,7 @@ def fitted_torque(
             *spill_findings(parameters, fitted.chain.top_lift), *stress_findings(forces.hertz),
             *fit_findings(fit, fitted.output.least_guide, lost, None if explained else left),
         ),
-        details={**_details(fit, recording, peak), "delivered_volume": delivered}, evidence=fit.evidence,
+        details={**_details(fit, recording, peak), "delivered_volume": delivered}, evidence=evidence,
         alternatives=alternatives(fit, config.trigger.nominal_angle),
         bumps=residual_bumps(residual, means.torque - means.held_torque, fitted), explained=explained,
     )  # fmt: skip

@@ -29,7 +29,6 @@ import numpy as np
 
 from camtorque.align.budget import SWITCHING_DELAY, wandered_std
 from camtorque.fit.descent import Effort
-from camtorque.fit.evidence import where_unexplained
 from camtorque.fit.fitted import FittedParameters
 from camtorque.fit.kinds import (
     KINDS,
@@ -230,14 +229,11 @@ def fit_prepared(prepared: Prepared, weighed: bool = True) -> Fit:
     shifts["other structures"], moved = structure_spread(prepared.candidates, probabilities)
     pressures.extend(moved)
     shifts[SWITCHING] = switching_shift(problem, [switching_std(prepared.cycles)])[None]
-    odd_even = prepared.means.odd_even
     evidence: tuple[LossEvidence, ...] = ()
     if weighed:
-        evidence = weighed_losses(best, prepared.other_kinds, cov, odd_even)
+        evidence = weighed_losses(best, prepared.other_kinds, cov)
         if not best.data.measures_chamber:
             evidence = (chamber_evidence(prepared.candidates, careful.inflation), *evidence)
-        if not explains(best.data, solution, odd_even):
-            evidence = where_unexplained(evidence)
     gain = pressure_gain_std(prepared.recording)
     shifts["gain of the pressure sensor"] = pressure_gain_shift(best, gain)[None]
     pin = prepared.other_kinds.get(PIN)

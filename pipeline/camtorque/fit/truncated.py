@@ -41,6 +41,10 @@ class Gaussian:
         """Probability of the box and moments within it."""
         return truncated(self)
 
+    def of(self, places: Array) -> Gaussian:
+        """Return what is known of some of the parameters by themselves."""
+        return Gaussian(self.mean[places], self.matrix[np.ix_(places, places)], self.lower[places], self.upper[places])
+
 
 @dataclass(frozen=True)
 class Truncated:
