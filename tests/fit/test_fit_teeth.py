@@ -167,4 +167,5 @@ def test_a_cam_that_is_turned_by_the_wheel_is_told() -> None:
     assert wheel_findings(0) == ()
     (found,) = wheel_findings(8)
     assert (found.code, found.severity) == ("swing_by_wheel", "warning")
-    assert "taken from the wheel up to order 8" in found.text
+    assert "taken from it up to order 8" in found.text
+    assert 'write side = "motor" in [trigger]' in found.text

@@ -63,9 +63,10 @@ def wheel_findings(orders: int) -> tuple[Finding, ...]:
     if not orders:
         return ()
     text = (
-        "the tooth wheel shows the cam swing within the turn otherwise than shaft and drive would under this torque, "
-        "as behind a universal joint, an engine or a gear: the cam angle is taken from the wheel up to order "
-        f"{orders}; check joints and gears where the bench should run evenly"
+        "wheel, encoder or counter shows the cam swing within the turn otherwise than shaft and drive would under this "
+        "torque, as behind a universal joint, an engine or a gear: the cam angle is taken from it up to order "
+        f'{orders}; where it sits on the motor\'s side of the shaft, write side = "motor" in [trigger], else check joints '
+        "and gears"
     )
     return (Finding("swing_by_wheel", "warning", text, "trigger"),)
 
