@@ -65,8 +65,8 @@ def wheel_findings(orders: int) -> tuple[Finding, ...]:
     text = (
         "wheel, encoder or counter shows the cam swing within the turn otherwise than shaft and drive would under this "
         "torque, as behind a universal joint, an engine or a gear: the cam angle is taken from it up to order "
-        f'{orders}; where it sits on the motor\'s side of the shaft, write side = "motor" in [trigger], else check joints '
-        "and gears"
+        f'{orders}; where it sits on the motor\'s side of the shaft, write side = "motor" in [trigger], else check '
+        "joints and gears"
     )
     return (Finding("swing_by_wheel", "warning", text, "trigger"),)
 
