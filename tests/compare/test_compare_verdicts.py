@@ -97,6 +97,9 @@ def test_a_gain_is_told_from_a_change_of_the_pump() -> None:
     assert torque_ratio(before, means(1.1 * torque + 0.3, line)) == pytest.approx(1.1)
     assert torque_ratio(before, means(1.005 * torque, line)) is None
     assert torque_ratio(before, means(1.1 * torque, 1.1 * line)) is None
+    kept = line + 20.0 * np.max(line)
+    assert torque_ratio(means(torque, kept), means(1.1 * torque, kept)) == pytest.approx(1.1)
+    assert torque_ratio(means(torque, kept), means(1.1 * torque, kept + 0.1 * line)) is None, "another load"
     assert torque_ratio(before, means(torque + 2.0 * np.abs(torque) ** 0.5, line)) is None
 
 

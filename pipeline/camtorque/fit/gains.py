@@ -11,6 +11,7 @@ import numpy as np
 
 from camtorque.fit.prepare import MeanCycles
 from camtorque.laws.rows import parameter
+from camtorque.records import Array
 
 TORQUE_GAIN, PRESSURE_GAIN = "torque_gain_error", "pressure_gain_error"
 GAINS = (TORQUE_GAIN, PRESSURE_GAIN)
@@ -31,11 +32,18 @@ def torque_ratio(before: Sequence[MeanCycles], after: Sequence[MeanCycles]) -> f
 
     A pump does not change so: a transducer, its range or its certificate does.
     """
-    one, two = (np.concatenate([side.torque_all - np.median(side.torque_all) for side in sides])
-                for sides in (before, after))  # fmt: skip
+    one, two = (_swings([side.torque_all for side in sides]) for sides in (before, after))
     ratio = float(one @ two / (one @ one))
     left = float(np.sum((two - ratio * one) ** 2) / max(np.sum((two - one) ** 2), 1e-300))
-    lines = [np.concatenate([side.pressure_all for side in sides]) for sides in (before, after)]
-    by_line = float(lines[0] @ lines[1] / (lines[0] @ lines[0]))
-    is_gain = abs(ratio - 1.0) > GAIN_CHANGE and left < GAIN_LEFT and abs(by_line - 1.0) < 0.5 * abs(ratio - 1.0)
-    return ratio if is_gain else None
+    lines = [[side.pressure_all for side in sides] for sides in (before, after)]
+    # a line that keeps its level between strokes is the same by that, whatever the load
+    same = all(
+        abs(float(first @ second / (first @ first)) - 1.0) < 0.5 * abs(ratio - 1.0)
+        for first, second in (map(np.concatenate, lines), map(_swings, lines))
+    )
+    return ratio if abs(ratio - 1.0) > GAIN_CHANGE and left < GAIN_LEFT and same else None
+
+
+def _swings(rows: Sequence[Array]) -> Array:
+    """Return the rows of several recordings behind one another, each about its median."""
+    return np.concatenate([row - np.median(row) for row in rows])
