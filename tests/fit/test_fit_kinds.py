@@ -158,7 +158,7 @@ def test_what_comes_with_a_valve_that_may_not_be_there_is_not_needed(monkeypatch
     )  # fmt: skip
     others = {INLET: OtherFit(ports, valve, probability)}
     cov = kinds.covariance(valve.problem, valve.solution)
-    found = {row.name: row.verdict for row in weighed_losses(valve, others, cov, 1.0)}
+    found = {row.name: row.verdict for row in weighed_losses(valve, others, cov)}
     assert found == {"friction": verdict, "damping": "needed"}
 
 
