@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from camtorque import stacks
 from camtorque.align import align
-from camtorque.align.drift import FEWEST, drift_findings, level_drifts, load_findings, size_findings
+from camtorque.align.drift import FEWEST, changed_load, drift_findings, level_drifts, size_findings
 from camtorque.ingest import read_recording
 from camtorque.ingest.raw import ArraySource
 from camtorque.records import Refusal
@@ -127,7 +127,7 @@ def test_several_loads_in_one_recording_are_told(sizes, how: str) -> None:
     """Three loads joined were one *Explained* report of 62 of 62 cycles, with a chamber peak that none of them had."""
     theta = np.linspace(0.0, 2.0 * np.pi, 360)
     rows = 2.0 + 50.0 * sizes[:, None] * np.maximum(np.sin(theta), 0.0)
-    found = load_findings((rows, rows.mean(axis=0)))
+    found = changed_load((rows, rows.mean(axis=0)))
     assert len(found) == bool(how)
     assert all(re.search(how, row.text) and row.severity == "warning" for row in found)
 

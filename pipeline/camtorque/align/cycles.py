@@ -17,7 +17,7 @@ from camtorque.align.angle import CamAngle, cam_angle
 from camtorque.align.budget import angle_error_budget, ripple_text, wandered
 from camtorque.align.channels import CUT_BY, AlignedChannel, Turns, align_channels, align_others, measured
 from camtorque.align.clocks import EDGE_NOISES
-from camtorque.align.drift import beyond_steps, drift_findings, level_drifts, load_findings, size_findings
+from camtorque.align.drift import beyond_steps, changed_load, drift_findings, level_drifts, size_findings
 from camtorque.align.flanks import check_flanks
 from camtorque.align.hum import hum_findings, idle_points
 from camtorque.align.lags import settle_lags
@@ -201,7 +201,7 @@ def _at_rest(recording: Recording, found: CamCycles) -> CamCycles:
     if len(rows) == 2:
         told = (*told, *size_findings(rows["torque"], rows["pressure"], found.index))
     if found.torque is not None:
-        told = (*told, *load_findings(rows["torque"]))
+        told = (*told, *changed_load(rows["torque"]))
         told = (*hum_findings(found.theta, found.torque, found.mean_torque, found.speed, found.index, lift), *told)
     return replace(found, findings=(*found.findings, *told), level_drifts=drifts)
 

@@ -134,7 +134,7 @@ def size_findings(torque: tuple[Array, Array], pressure: tuple[Array, Array], in
     return (Finding("torque_size_drifts", "warning", text, "torque"),)
 
 
-def load_findings(torque: tuple[Array, Array]) -> tuple[Finding, ...]:
+def changed_load(torque: tuple[Array, Array]) -> tuple[Finding, ...]:
     """Tell cycles of several loads in one recording: their mean is of no moment that was.
 
     Parameters

@@ -135,8 +135,12 @@ def _start_stop(table: CycleTable) -> Mask:
     return np.abs(table.speed_change) > table.steady_change
 
 
+def _steady(table: CycleTable) -> Mask:
+    return table.complete & ~_start_stop(table)
+
+
 def _speed_outlier(table: CycleTable) -> Mask:
-    steady = table.complete & ~_start_stop(table)
+    steady = _steady(table)
     usual = usual_speed(table.speed[steady] if steady.any() else table.speed, table.options.steady_band)
     return np.abs(table.speed / usual - 1.0) > table.options.steady_band
 
@@ -242,7 +246,7 @@ def changed_running(table: CycleTable, time: Array) -> tuple[Finding, ...]:
 
 def several_speeds(table: CycleTable) -> tuple[Finding, ...]:
     """Tell a recording that holds more than one steady speed: the report is of one."""
-    left, band = table.speed[table.complete & ~_start_stop(table)], table.options.steady_band
+    left, band = table.speed[_steady(table)], table.options.steady_band
     found = list[tuple[float, int]]()
     while left.size >= STRETCH:
         speed = usual_speed(left, band)
